@@ -1,0 +1,122 @@
+//! numpy arrays as the library takes them, and the errors of those that it does not.
+
+use numpy::{Element, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArray, PyUntypedArrayMethods};
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use pyramap::{Depth, DepthImage, Pose};
+
+/// A depth image held for the length of a call: C-contiguous, of a type that the library knows.
+pub struct DepthArray<'py> {
+    data: DepthData<'py>,
+    width: usize,
+    height: usize,
+}
+
+enum DepthData<'py> {
+    F32(PyReadonlyArrayDyn<'py, f32>),
+    F64(PyReadonlyArrayDyn<'py, f64>),
+    U16(PyReadonlyArrayDyn<'py, u16>, f64),
+}
+
+impl<'py> DepthArray<'py> {
+    /// Takes (H, W) float32 or float64 metres, or uint16 with a scale; any strides, which cost a copy.
+    pub fn new(depth: &Bound<'py, PyAny>, depth_scale: Option<f64>) -> PyResult<Self> {
+        let expected = "expected a (H, W) numpy array of float32 or float64 metres, or of uint16 with depth_scale";
+        let array = depth.cast::<PyUntypedArray>().map_err(|_| {
+            PyValueError::new_err(format!("depth is a {}, {expected}", type_name(depth)))
+        })?;
+        let &[height, width] = array.shape() else {
+            return Err(PyValueError::new_err(format!("depth has shape {:?}, {expected}", array.shape())));
+        };
+        let data = match (typed::<u16>(array)?, depth_scale) {
+            (Some(values), Some(scale)) => DepthData::U16(values, scale),
+            (Some(_), None) => {
+                return Err(PyValueError::new_err(
+                    "depth is uint16 and depth_scale is missing, expected steps a metre (1000.0 for millimetres)",
+                ));
+            }
+            (None, Some(scale)) => {
+                return Err(PyValueError::new_err(format!(
+                    "depth_scale is {scale} but depth is {}, expected no scale for metres, or uint16 depth",
+                    array.dtype()
+                )));
+            }
+            (None, None) => match (typed::<f32>(array)?, typed::<f64>(array)?) {
+                (Some(values), _) => DepthData::F32(values),
+                (_, Some(values)) => DepthData::F64(values),
+                _ => return Err(PyValueError::new_err(format!("depth has dtype {}, {expected}", array.dtype()))),
+            },
+        };
+        Ok(Self { data, width, height })
+    }
+
+    /// The image, to be used while the arrays are held.
+    pub fn image(&self) -> PyResult<DepthImage<'_>> {
+        let depth = match &self.data {
+            DepthData::F32(values) => Depth::F32(values.as_slice()?),
+            DepthData::F64(values) => Depth::F64(values.as_slice()?),
+            DepthData::U16(values, scale) => Depth::U16 { values: values.as_slice()?, scale: *scale },
+        };
+        DepthImage::new(depth, self.width, self.height).map_err(crate::errors::to_py)
+    }
+}
+
+/// The array as one of `T`, C-contiguous (copied if it is not); `None` if its elements are others.
+fn typed<'py, T: Element>(array: &Bound<'py, PyUntypedArray>) -> PyResult<Option<PyReadonlyArrayDyn<'py, T>>> {
+    let Ok(typed) = array.cast::<PyArrayDyn<T>>() else { return Ok(None) };
+    if typed.is_c_contiguous() {
+        return Ok(Some(typed.try_readonly()?));
+    }
+    let copy = array.py().import("numpy")?.call_method1("ascontiguousarray", (array,))?;
+    Ok(Some(copy.cast::<PyArrayDyn<T>>()?.try_readonly()?))
+}
+
+/// A `world_from_camera`: anything that numpy makes a (4, 4) float64 array of.
+pub fn pose(world_from_camera: &Bound<'_, PyAny>) -> PyResult<Pose> {
+    let (rows, shape) = float64(world_from_camera, "world_from_camera")?;
+    if shape != [4, 4] {
+        return Err(PyValueError::new_err(format!("world_from_camera has shape {shape:?}, expected (4, 4)")));
+    }
+    Pose::from_rows(&std::array::from_fn(|r| std::array::from_fn(|c| rows[4 * r + c]))).map_err(crate::errors::to_py)
+}
+
+/// World points: anything that numpy makes an (N, 3) float64 array of.
+pub fn points(points: &Bound<'_, PyAny>) -> PyResult<Vec<[f64; 3]>> {
+    let (values, shape) = float64(points, "points")?;
+    match shape[..] {
+        [_, 3] => Ok(values.as_chunks().0.to_vec()),
+        _ => Err(PyValueError::new_err(format!("points have shape {shape:?}, expected (N, 3)"))),
+    }
+}
+
+/// Block coordinates: an (N, 3) array of integers.
+pub fn block_keys(coords: &Bound<'_, PyAny>) -> PyResult<Vec<[i32; 3]>> {
+    let expected = "expected an (N, 3) array of integers";
+    let numpy = coords.py().import("numpy")?;
+    let array = numpy.call_method1("asarray", (coords,))?;
+    let kind: String = array.getattr("dtype")?.getattr("kind")?.extract()?;
+    let shape: Vec<usize> = array.getattr("shape")?.extract()?;
+    if !(kind == "i" || kind == "u") || shape.len() != 2 || shape[1] != 3 {
+        let dtype = array.getattr("dtype")?;
+        return Err(PyValueError::new_err(format!("coords have dtype {dtype} and shape {shape:?}, {expected}")));
+    }
+    let wide = numpy.call_method1("ascontiguousarray", (array, "int64"))?;
+    let wide = wide.cast::<PyArrayDyn<i64>>()?.try_readonly()?;
+    let beyond = |c: &i64| PyValueError::new_err(format!("coords hold {c}, expected numbers of 32 bits"));
+    let keys: Result<Vec<i32>, &i64> = wide.as_slice()?.iter().map(|c| i32::try_from(*c).map_err(|_| c)).collect();
+    Ok(keys.map_err(beyond)?.as_chunks().0.to_vec())
+}
+
+/// The elements of whatever numpy can make float64 of, in C order, and its shape.
+fn float64(value: &Bound<'_, PyAny>, name: &str) -> PyResult<(Vec<f64>, Vec<usize>)> {
+    let array = value.py().import("numpy")?.call_method1("ascontiguousarray", (value, "float64")).map_err(|error| {
+        PyValueError::new_err(format!("{name} is a {} that is no array of numbers: {error}", type_name(value)))
+    })?;
+    let shape: Vec<usize> = array.getattr("shape")?.extract()?;
+    let array = array.cast::<PyArrayDyn<f64>>()?.try_readonly()?;
+    Ok((array.as_slice()?.to_vec(), shape))
+}
+
+fn type_name(value: &Bound<'_, PyAny>) -> String {
+    value.get_type().name().map_or_else(|_| "value".into(), |name| name.to_string())
+}

@@ -1,0 +1,72 @@
+//! `PinholeCamera`.
+
+use crate::errors::to_py;
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+
+/// Pinhole intrinsics without distortion, pixels; integer pixel coordinates are pixel centres.
+#[pyclass(frozen, eq, module = "pyramap", from_py_object)]
+#[derive(Clone, Copy, PartialEq)]
+pub struct PinholeCamera(pub pyramap::PinholeCamera);
+
+#[pymethods]
+impl PinholeCamera {
+    #[new]
+    #[pyo3(signature = (width, height, fx, fy, cx, cy))]
+    fn new(width: i64, height: i64, fx: f64, fy: f64, cx: f64, cy: f64) -> PyResult<Self> {
+        let side = |name: &str, side: i64| {
+            usize::try_from(side).map_err(|_| PyValueError::new_err(format!("camera {name} is {side}, expected at least 1")))
+        };
+        let camera = pyramap::PinholeCamera::new(side("width", width)?, side("height", height)?, fx, fy, cx, cy);
+        camera.map(Self).map_err(to_py)
+    }
+
+    #[getter]
+    fn width(&self) -> usize {
+        self.0.width
+    }
+
+    #[getter]
+    fn height(&self) -> usize {
+        self.0.height
+    }
+
+    #[getter]
+    fn fx(&self) -> f64 {
+        self.0.fx
+    }
+
+    #[getter]
+    fn fy(&self) -> f64 {
+        self.0.fy
+    }
+
+    #[getter]
+    fn cx(&self) -> f64 {
+        self.0.cx
+    }
+
+    #[getter]
+    fn cy(&self) -> f64 {
+        self.0.cy
+    }
+
+    fn __hash__(&self) -> u64 {
+        use std::hash::{DefaultHasher, Hash, Hasher};
+        let c = &self.0;
+        let mut hasher = DefaultHasher::new();
+        (c.width, c.height, [c.fx, c.fy, c.cx, c.cy].map(f64::to_bits)).hash(&mut hasher);
+        hasher.finish()
+    }
+
+    fn __reduce__(slf: &Bound<'_, Self>) -> (Py<PyAny>, (usize, usize, f64, f64, f64, f64)) {
+        let c = slf.get().0;
+        (slf.get_type().into_any().unbind(), (c.width, c.height, c.fx, c.fy, c.cx, c.cy))
+    }
+
+    fn __repr__(&self) -> String {
+        let c = &self.0;
+        let (width, height) = (c.width, c.height);
+        format!("PinholeCamera(width={width}, height={height}, fx={}, fy={}, cx={}, cy={})", c.fx, c.fy, c.cx, c.cy)
+    }
+}

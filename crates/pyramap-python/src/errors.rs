@@ -1,0 +1,29 @@
+//! Errors of the library as Python exceptions.
+
+use pyo3::create_exception;
+use pyo3::exceptions::{PyException, PyFileNotFoundError, PyOSError, PyPermissionError, PyValueError};
+use pyo3::prelude::*;
+use pyramap::Error;
+use std::io::ErrorKind;
+
+create_exception!(
+    pyramap,
+    MapFullError,
+    PyException,
+    "The map would take more than `max_bytes`; it is as it was before the call."
+);
+
+/// The exception for an error, with the same words.
+pub fn to_py(error: Error) -> PyErr {
+    let message = error.to_string();
+    match error {
+        Error::MapFull { .. } => MapFullError::new_err(message),
+        Error::File { .. } => PyOSError::new_err(message),
+        Error::Io { source, .. } => match source.kind() {
+            ErrorKind::NotFound => PyFileNotFoundError::new_err(message),
+            ErrorKind::PermissionDenied => PyPermissionError::new_err(message),
+            _ => PyOSError::new_err(message),
+        },
+        _ => PyValueError::new_err(message),
+    }
+}

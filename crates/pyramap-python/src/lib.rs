@@ -1,0 +1,29 @@
+//! Python bindings: one line a method, errors mapped in one place ([`errors`]), the GIL released in one ([`threads`]).
+
+mod arrays;
+mod camera;
+mod errors;
+mod grid;
+mod mesh;
+mod scenes;
+mod sensor;
+mod stages;
+mod threads;
+
+use pyo3::prelude::*;
+
+#[pymodule]
+fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
+    m.add("__version__", env!("CARGO_PKG_VERSION"))?;
+    m.add("MapFullError", m.py().get_type::<errors::MapFullError>())?;
+    m.add_class::<camera::PinholeCamera>()?;
+    m.add_class::<sensor::SensorModel>()?;
+    m.add_class::<grid::OccupancyGrid>()?;
+    m.add_class::<grid::FrameStats>()?;
+    m.add_class::<mesh::Mesh>()?;
+    m.add_function(wrap_pyfunction!(stages::ranges, m)?)?;
+    m.add_function(wrap_pyfunction!(stages::pyramid, m)?)?;
+    m.add_function(wrap_pyfunction!(threads::set_num_threads, m)?)?;
+    m.add_function(wrap_pyfunction!(threads::num_threads, m)?)?;
+    scenes::register(m)
+}

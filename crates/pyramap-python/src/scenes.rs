@@ -1,0 +1,91 @@
+//! `Scene`: the simulated scenes. `pyramap.scenes` adds the frames.
+
+use crate::arrays::{points, pose};
+use crate::camera::PinholeCamera;
+use crate::threads::run;
+use numpy::{PyArray1, PyArray2, PyArray3, PyArrayMethods};
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use pyramap_scenes::nalgebra::Vector3;
+use pyramap_scenes::{box_scene, kinect_noise, office_loop, spheres};
+
+/// Adds this module's classes.
+pub fn register(m: &Bound<'_, PyModule>) -> PyResult<()> {
+    m.add_class::<Scene>()
+}
+
+/// A simulated scene with exact truth.
+#[pyclass(frozen, subclass, module = "pyramap")]
+pub struct Scene(pyramap_scenes::Scene);
+
+#[pymethods]
+impl Scene {
+    #[new]
+    fn new(name: &str) -> PyResult<Self> {
+        match name {
+            "box" => Ok(Self(box_scene())),
+            "spheres" => Ok(Self(spheres())),
+            "office_loop" => Ok(Self(office_loop())),
+            _ => Err(PyValueError::new_err(format!(
+                "scene is {name:?}, expected \"box\", \"spheres\" or \"office_loop\""
+            ))),
+        }
+    }
+
+    #[getter]
+    fn name(&self) -> &'static str {
+        self.0.name()
+    }
+
+    #[getter]
+    fn camera(&self) -> PinholeCamera {
+        PinholeCamera(*self.0.camera())
+    }
+
+    fn poses<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray3<f64>>> {
+        let poses = self.0.poses();
+        let mut values = Vec::with_capacity(16 * poses.len());
+        for pose in poses {
+            for row in 0..3 {
+                values.extend(&pose.rotation.row(row));
+                values.push(pose.translation[row]);
+            }
+            values.extend([0.0, 0.0, 0.0, 1.0]);
+        }
+        PyArray1::from_vec(py, values).reshape([poses.len(), 4, 4])
+    }
+
+    #[pyo3(signature = (camera, world_from_camera, noise = None))]
+    fn render<'py>(
+        &self,
+        py: Python<'py>,
+        camera: PinholeCamera,
+        world_from_camera: &Bound<'py, PyAny>,
+        noise: Option<i64>,
+    ) -> PyResult<Bound<'py, PyArray2<f32>>> {
+        let (camera, pose) = (camera.0, pose(world_from_camera)?);
+        let depth = run(py, || {
+            let exact = self.0.render(&camera, &pose);
+            match noise {
+                Some(seed) => kinect_noise(&exact, &camera, seed.cast_unsigned()),
+                None => Ok(exact),
+            }
+        })?;
+        PyArray1::from_vec(py, depth).reshape([camera.height, camera.width])
+    }
+
+    #[pyo3(signature = (points))]
+    fn signed_distance<'py>(&self, points: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        let py = points.py();
+        let points = self::points(points)?;
+        let distances = run(py, || {
+            let points: Vec<_> = points.into_iter().map(Vector3::from).collect();
+            Ok(self.0.signed_distance(&points))
+        })?;
+        Ok(PyArray1::from_vec(py, distances))
+    }
+
+    fn __repr__(&self) -> String {
+        format!("<Scene {:?}, {} poses>", self.0.name(), self.0.poses().len())
+    }
+}

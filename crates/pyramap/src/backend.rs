@@ -1,0 +1,83 @@
+//! What a device must do: the stages of a frame, and a pool of dense blocks.
+//!
+//! The host owns the directory; a backend is told slots. Everything that reads a map reads blocks through here.
+
+use crate::block::{BlockData, BlockKey};
+use crate::camera::PinholeCamera;
+use crate::cull::Culled;
+use crate::depth::DepthImage;
+use crate::error::Result;
+use crate::grid::GridConfig;
+use crate::pose::Pose;
+use crate::update::Change;
+
+/// One addition to a slot of the pool.
+#[derive(Clone, Copy, Debug)]
+pub struct Addition {
+    /// The slot.
+    pub slot: u32,
+    /// What is added.
+    pub source: Source,
+}
+
+/// Where the increments of an addition come from.
+#[derive(Clone, Copy, Debug)]
+pub enum Source {
+    /// The same increment for all voxels.
+    Uniform(i32),
+    /// Those of the `n`-th mixed block of the frame.
+    Mixed(usize),
+}
+
+/// The range of stored evidence: that of `i32`, or less in a clamped map.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Limits {
+    /// The smallest value.
+    pub low: i32,
+    /// The largest value.
+    pub high: i32,
+}
+
+impl Limits {
+    /// The sum within the limits, and whether `i32` was too small for it. Being clamped is no loss: it is asked for.
+    #[inline(always)]
+    pub fn add(self, value: i32, increment: i32) -> (i32, bool) {
+        let sum = value.saturating_add(increment);
+        (sum.clamp(self.low, self.high), sum != value.wrapping_add(increment))
+    }
+}
+
+/// A device that maps.
+///
+/// The stages of a frame are called in the order `ranges`, `pyramid`, `cull`, `update`, `commit`; none but `commit`
+/// changes the map, so that a frame which fails before it has changed nothing.
+pub trait Backend: Send + Sync {
+    /// What users call it.
+    fn name(&self) -> &'static str;
+
+    /// Euclidean distances of a depth image (Eq. 6).
+    ///
+    /// # Errors
+    /// If image and camera do not fit, or no pixel says anything.
+    fn ranges(&mut self, config: &GridConfig, image: &DepthImage, camera: &PinholeCamera) -> Result<()>;
+    /// The layers (Eq. 10), as the sensor model sees them.
+    fn pyramid(&mut self, config: &GridConfig, pose: &Pose);
+    /// The blocks that the frame changes.
+    fn cull(&mut self, config: &GridConfig) -> Culled;
+    /// What the frame does to each mixed block (Alg. 1). The increments stay on the device.
+    fn update(&mut self, config: &GridConfig, mixed: &[BlockKey]) -> &[Change];
+    /// Adds to slots, times `sign`, within limits; each slot occurs once. Returns how many voxels
+    /// `i32` was too small for.
+    fn commit(&mut self, additions: &[Addition], sign: i32, limits: Limits) -> u64;
+
+    /// Slots in the pool, used or free.
+    fn slots(&self) -> usize;
+    /// A slot whose voxels all have one value.
+    fn allocate(&mut self, value: i32) -> u32;
+    /// Gives a slot back.
+    fn release(&mut self, slot: u32);
+    /// The voxels of a slot.
+    fn read(&self, slot: u32) -> &BlockData;
+    /// Replaces the voxels of a slot.
+    fn write(&mut self, slot: u32, values: &BlockData);
+}

@@ -1,0 +1,106 @@
+//! Stage 5, commit: the frame's increments are added to the map, all of them or, if it would grow too large, none.
+
+use crate::backend::{Addition, Backend, Limits, Source};
+use crate::block::{BLOCK_VOXELS, BlockKey};
+use crate::cull::Culled;
+use crate::directory::{self, Directory, Entry};
+use crate::error::{Error, Result};
+use crate::update::Change;
+
+/// What a frame does to a map, before it is done.
+pub struct Commit<'a> {
+    /// Blocks that get one increment throughout, each with it.
+    pub uniform: Vec<(BlockKey, i32)>,
+    /// Mixed blocks with an increment for each voxel: their key, and their place among the frame's mixed blocks.
+    pub dense: Vec<(BlockKey, usize)>,
+    /// `1` to add, `-1` to take back.
+    pub sign: i32,
+    /// The range of stored evidence.
+    pub limits: Limits,
+    /// The map's blocks.
+    pub directory: &'a mut Directory,
+}
+
+/// Sorts the blocks of a frame by what happens to them.
+pub fn sort_changes(
+    culled: &Culled,
+    changes: &[Change],
+    free_increment: i32,
+) -> (Vec<(BlockKey, i32)>, Vec<(BlockKey, usize)>) {
+    let mut uniform: Vec<_> = culled.free.iter().map(|&key| (key, free_increment)).collect();
+    let mut dense = Vec::new();
+    for (n, (&key, change)) in culled.mixed.iter().zip(changes).enumerate() {
+        match *change {
+            Change::None => {}
+            Change::Uniform(increment) => uniform.push((key, increment)),
+            Change::Dense { .. } => dense.push((key, n)),
+        }
+    }
+    (uniform, dense)
+}
+
+impl Commit<'_> {
+    /// Adds everything; returns how many voxels `i32` was too small for.
+    ///
+    /// # Errors
+    /// [`Error::MapFull`] if the map would take more than `max_bytes`; nothing is added then.
+    pub fn apply(self, backend: &mut dyn Backend, max_bytes: Option<usize>) -> Result<u64> {
+        self.check_budget(backend, max_bytes)?;
+        let Self { uniform, dense, sign, limits, directory } = self;
+        let mut lost = 0;
+        let mut additions = Vec::with_capacity(dense.len());
+        for (key, increment) in uniform {
+            let value = match directory.get(&key) {
+                Some(&Entry::Dense(slot)) => {
+                    additions.push(Addition { slot, source: Source::Uniform(increment) });
+                    continue;
+                }
+                Some(&Entry::Uniform(value)) => value,
+                None => 0,
+            };
+            let (sum, overflow) = limits.add(value, increment * sign);
+            lost += if overflow { BLOCK_VOXELS as u64 } else { 0 };
+            set_uniform(directory, key, sum);
+        }
+        for (key, n) in dense {
+            let slot = match directory.get(&key) {
+                Some(&Entry::Dense(slot)) => slot,
+                Some(&Entry::Uniform(value)) => backend.allocate(value),
+                None => backend.allocate(0),
+            };
+            directory.insert(key, Entry::Dense(slot));
+            additions.push(Addition { slot, source: Source::Mixed(n) });
+        }
+        Ok(lost + backend.commit(&additions, sign, limits))
+    }
+
+    fn check_budget(&self, backend: &dyn Backend, max_bytes: Option<usize>) -> Result<()> {
+        let Some(max_bytes) = max_bytes else { return Ok(()) };
+        let entry = |key| self.directory.get(key);
+        let new_slots = self.dense.iter().filter(|(key, _)| !matches!(entry(key), Some(Entry::Dense(_)))).count();
+        let new_entries = self.uniform.iter().map(|(key, _)| key).chain(self.dense.iter().map(|(key, _)| key));
+        let entries = self.directory.len() + new_entries.filter(|key| entry(key).is_none()).count();
+        budget(self.directory, entries, backend.slots() + new_slots, Some(max_bytes))
+    }
+}
+
+/// Refuses a map that would take more than it may.
+///
+/// # Errors
+/// [`Error::MapFull`].
+pub fn budget(directory: &Directory, entries: usize, slots: usize, max_bytes: Option<usize>) -> Result<()> {
+    let needed = directory::bytes(directory.capacity().max(entries), slots);
+    match max_bytes {
+        Some(max_bytes) if needed > max_bytes => Err(Error::MapFull { needed, max_bytes }),
+        _ => Ok(()),
+    }
+}
+
+/// Stores one value for a whole block; `0` is unknown, and takes the block out.
+pub fn set_uniform(directory: &mut Directory, key: BlockKey, value: i32) {
+    if value == 0 {
+        directory.remove(&key);
+    } else {
+        directory.insert(key, Entry::Uniform(value));
+    }
+}

@@ -1,0 +1,98 @@
+//! Everything that can go wrong, each saying what was wrong, what was got and what was expected.
+
+use std::path::PathBuf;
+
+/// The result of anything in this crate that can fail.
+pub type Result<T> = std::result::Result<T, Error>;
+
+/// Why an operation was refused. The map is then as it was before.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// An intrinsic parameter of a camera.
+    #[error("camera {name} is {got}, expected {expected}")]
+    Camera {
+        /// The parameter.
+        name: &'static str,
+        /// Its value.
+        got: f64,
+        /// What it may be.
+        expected: &'static str,
+    },
+    /// A `world_from_camera` that is not a rigid transform.
+    #[error("world_from_camera: {entry} is {got}, expected {expected}")]
+    Pose {
+        /// Which entry or product of entries.
+        entry: String,
+        /// Its value.
+        got: f64,
+        /// What it may be.
+        expected: String,
+    },
+    /// Any other parameter out of its range.
+    #[error("{name} is {got}, expected {expected}")]
+    Parameter {
+        /// The parameter.
+        name: &'static str,
+        /// Its value.
+        got: String,
+        /// What it may be.
+        expected: String,
+    },
+    /// A depth image that does not fit its camera.
+    #[error("depth image is {got_height} x {got_width} (height x width), expected the camera's {height} x {width}")]
+    ImageSize {
+        /// Columns of the image.
+        got_width: usize,
+        /// Rows of the image.
+        got_height: usize,
+        /// Columns of the camera.
+        width: usize,
+        /// Rows of the camera.
+        height: usize,
+    },
+    /// A place beyond the coordinates that the grid can address.
+    #[error("{what} lies at {got} m, expected within {limit} m of the origin on each axis (voxel size {voxel_size} m)")]
+    OutOfBounds {
+        /// What lies there.
+        what: &'static str,
+        /// The offending coordinate.
+        got: f64,
+        /// The largest allowed.
+        limit: f64,
+        /// The grid's voxel edge.
+        voxel_size: f64,
+    },
+    /// The frame would take the map beyond its byte budget.
+    #[error("map is full: the frame needs {needed} bytes, max_bytes is {max_bytes}")]
+    MapFull {
+        /// Bytes the map would then take.
+        needed: usize,
+        /// The budget.
+        max_bytes: usize,
+    },
+    /// An operation that this map cannot do.
+    #[error("{operation} is not possible: {reason}")]
+    Unsupported {
+        /// What was asked.
+        operation: &'static str,
+        /// Why not.
+        reason: String,
+    },
+    /// A file that is not a map, or not a whole one.
+    #[error("{}: {reason}", path.display())]
+    File {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        reason: String,
+    },
+    /// The operating system refused to read or write.
+    #[error("{}: {source}", path.display())]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// The system's word.
+        source: std::io::Error,
+    },
+}

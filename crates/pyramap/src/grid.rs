@@ -1,0 +1,386 @@
+//! The occupancy grid: the map, and the stages of a frame in their order.
+
+use crate::backend::{Backend, Limits};
+use crate::block::{BLOCK_EDGE, BLOCK_VOXELS, Block, BlockData, BlockKey, Blocks, MAX_BLOCK};
+use crate::camera::PinholeCamera;
+use crate::commit::{Commit, budget, set_uniform, sort_changes};
+use crate::cpu::CpuBackend;
+use crate::depth::DepthImage;
+use crate::directory::{self, Directory, Entry, uniform_value};
+use crate::error::{Error, Result};
+use crate::log_odds;
+use crate::pose::Pose;
+use crate::ranges::BeyondMaxRange;
+use crate::sensor::{SensorModel, SensorTable};
+use crate::stats::{FrameStats, Stopwatch};
+use crate::update::{UpdateRule, free_increment};
+use serde::{Deserialize, Serialize};
+
+/// The parameters of a map. Start from [`GridConfig::new`] and change what you need.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub struct GridConfig {
+    /// Edge of a voxel, metres.
+    pub voxel_size: f64,
+    /// What a reading says (Eq. 7).
+    pub sensor_model: SensorModel,
+    /// Euclidean distance, metres, up to which voxels are updated.
+    pub max_range: f64,
+    /// What a reading beyond `max_range` says.
+    pub beyond_max_range: BeyondMaxRange,
+    /// How a voxel's log-odd is found in the depth image.
+    pub update: UpdateRule,
+    /// Log-odds are kept within these; `None` keeps all evidence, and with it exact removal.
+    pub clamp: Option<(f64, f64)>,
+    /// Bytes that blocks and directory may take.
+    pub max_bytes: Option<usize>,
+    /// Probability of being occupied before anything is seen (Eq. 4).
+    pub prior: f64,
+    /// Whether hidden and free parts of the frustum are told apart before voxels are asked. The map is the same
+    /// without it, only slower; tests switch it off to show that. Not part of a map's file.
+    #[serde(skip, default = "enabled")]
+    pub cull: bool,
+}
+
+impl GridConfig {
+    /// Voxels of `voxel_size` metres, `k = sigma = voxel_size`, 5 m range, the paper's rule, no clamp, no byte budget,
+    /// prior 0.5.
+    ///
+    /// # Errors
+    /// [`Error::Parameter`] if the voxel size is not positive and finite.
+    pub fn new(voxel_size: f64) -> Result<Self> {
+        check("voxel_size", voxel_size, voxel_size > 0.0 && voxel_size.is_finite(), "a positive number of metres")?;
+        Ok(Self {
+            voxel_size,
+            sensor_model: SensorModel::constant(voxel_size)?,
+            max_range: 5.0,
+            beyond_max_range: BeyondMaxRange::Free,
+            update: UpdateRule::Pyramid,
+            clamp: None,
+            max_bytes: None,
+            prior: 0.5,
+            cull: true,
+        })
+    }
+
+    /// The most voxels along the range of a map: more makes a single frame larger than memory.
+    pub const MAX_VOXELS_IN_RANGE: f64 = 4096.0;
+
+    fn validate(&self) -> Result<()> {
+        let Self { voxel_size, max_range, prior, .. } = *self;
+        check("voxel_size", voxel_size, voxel_size > 0.0 && voxel_size.is_finite(), "a positive number of metres")?;
+        check("max_range", max_range, max_range > 0.0 && max_range.is_finite(), "a positive number of metres")?;
+        let voxels = max_range / voxel_size;
+        if !(1.0..=Self::MAX_VOXELS_IN_RANGE).contains(&voxels) {
+            return Err(Error::Parameter {
+                name: "voxel_size",
+                got: format!("{voxel_size}"),
+                expected: format!(
+                    "between {} and {max_range} m for a max_range of {max_range} m",
+                    max_range / Self::MAX_VOXELS_IN_RANGE
+                ),
+            });
+        }
+        check("prior", prior, prior > 0.0 && prior < 1.0, "a probability between 0 and 1")?;
+        if let Some((low, high)) = self.clamp {
+            let l_0 = log_odds::from_probability(prior);
+            // The ends must differ from the prior, or everything seen would look like what was never seen.
+            if !(low < l_0 && l_0 < high && low.is_finite() && high.is_finite()) {
+                return Err(Error::Parameter {
+                    name: "clamp",
+                    got: format!("({low}, {high})"),
+                    expected: format!("two finite log-odds, one below and one above that of the prior, {l_0}"),
+                });
+            }
+        }
+        Ok(())
+    }
+
+    /// The range of the integers that are stored: evidence, without the prior.
+    fn limits(&self) -> Limits {
+        let l_0 = log_odds::from_probability(self.prior);
+        match self.clamp {
+            None => Limits { low: i32::MIN, high: i32::MAX },
+            Some((low, high)) => Limits { low: log_odds::to_fixed(low - l_0), high: log_odds::to_fixed(high - l_0) },
+        }
+    }
+
+    /// How far from the origin, metres, a camera may be: all that it sees then has block coordinates within
+    /// [`MAX_BLOCK`], with a block or two to spare.
+    fn coordinate_limit(&self) -> f64 {
+        self.voxel_size * (f64::from(MAX_BLOCK - 2) * BLOCK_EDGE as f64) - self.max_range
+    }
+}
+
+fn enabled() -> bool {
+    true
+}
+
+fn check(name: &'static str, got: f64, holds: bool, expected: &str) -> Result<()> {
+    if holds { Ok(()) } else { Err(Error::Parameter { name, got: format!("{got}"), expected: expected.into() }) }
+}
+
+/// A sparse map of log-odds: free, occupied and unknown space.
+///
+/// ```
+/// use pyramap::{Depth, DepthImage, GridConfig, OccupancyGrid, PinholeCamera, Pose, State};
+///
+/// let camera = PinholeCamera::new(64, 48, 58.5, 58.5, 31.5, 23.5)?;
+/// let wall = vec![2.0; 64 * 48]; // metres
+/// let mut grid = OccupancyGrid::new(GridConfig::new(0.05)?)?;
+/// grid.integrate(&DepthImage::new(Depth::F32(&wall), 64, 48)?, &camera, &Pose::identity())?;
+///
+/// let points = [[0.0, 0.0, 1.0], [0.0, 0.0, 2.0], [0.0, 0.0, 3.0]];
+/// assert_eq!(grid.state(&points)?, [State::Free, State::Occupied, State::Unknown]);
+/// # Ok::<(), pyramap::Error>(())
+/// ```
+pub struct OccupancyGrid {
+    config: GridConfig,
+    directory: Directory,
+    backend: Box<dyn Backend>,
+    free_increment: i32,
+    num_frames: i64,
+    saturated: u64,
+}
+
+impl OccupancyGrid {
+    /// An empty map on the CPU.
+    ///
+    /// # Errors
+    /// [`Error::Parameter`] naming the parameter that is out of range.
+    pub fn new(config: GridConfig) -> Result<Self> {
+        let backend = Box::new(CpuBackend::new(&config));
+        Self::with_backend(config, backend)
+    }
+
+    /// An empty map on a device.
+    ///
+    /// # Errors
+    /// As [`OccupancyGrid::new`].
+    pub fn with_backend(config: GridConfig, backend: Box<dyn Backend>) -> Result<Self> {
+        config.validate()?;
+        let free_increment = free_increment(&SensorTable::new(&config.sensor_model));
+        Ok(Self { config, directory: Directory::default(), backend, free_increment, num_frames: 0, saturated: 0 })
+    }
+
+    /// Fuses a depth image taken at a pose (`world_from_camera`): whole, or not at all.
+    ///
+    /// # Errors
+    /// If image and camera differ in size, no pixel says anything, the pose is out of bounds, or the map is full.
+    pub fn integrate(&mut self, image: &DepthImage, camera: &PinholeCamera, pose: &Pose) -> Result<FrameStats> {
+        self.fuse(image, camera, pose, 1)
+    }
+
+    /// Takes a frame back, exactly: the map is then as if it had never been fused.
+    ///
+    /// # Errors
+    /// As [`OccupancyGrid::integrate`]; and [`Error::Unsupported`] if the map is clamped or saturated, since evidence
+    /// was lost then.
+    pub fn remove(&mut self, image: &DepthImage, camera: &PinholeCamera, pose: &Pose) -> Result<FrameStats> {
+        let refuse = |reason| Err(Error::Unsupported { operation: "remove", reason });
+        if let Some((low, high)) = self.config.clamp {
+            return refuse(format!("the map is clamped to ({low}, {high}), which forgets evidence"));
+        }
+        if self.saturated > 0 {
+            return refuse(format!("{} additions to voxels were too large to be stored whole", self.saturated));
+        }
+        self.fuse(image, camera, pose, -1)
+    }
+
+    /// The stages of a frame (Alg. 1). All that can fail comes before anything is added.
+    fn fuse(&mut self, image: &DepthImage, camera: &PinholeCamera, pose: &Pose, sign: i32) -> Result<FrameStats> {
+        self.check_position(pose)?;
+        let mut watch = Stopwatch::start();
+        let (config, backend) = (&self.config, self.backend.as_mut());
+
+        backend.ranges(config, image, camera)?;
+        watch.lap(|seconds| &mut seconds.ranges);
+
+        backend.pyramid(config, pose);
+        watch.lap(|seconds| &mut seconds.pyramid);
+
+        let culled = backend.cull(config);
+        watch.lap(|seconds| &mut seconds.cull);
+
+        let changes = backend.update(config, &culled.mixed);
+        let (uniform, dense) = sort_changes(&culled, changes, self.free_increment);
+        let mut stats = FrameStats::count(&culled, changes);
+        watch.lap(|seconds| &mut seconds.update);
+
+        let touched: Vec<BlockKey> = dense.iter().map(|&(key, _)| key).collect();
+        let commit = Commit { uniform, dense, sign, limits: config.limits(), directory: &mut self.directory };
+        stats.saturated = commit.apply(backend, config.max_bytes)?;
+        if sign < 0 {
+            self.collapse(&touched);
+        }
+        watch.lap(|seconds| &mut seconds.commit);
+
+        stats.seconds = watch.seconds();
+        self.saturated += stats.saturated;
+        self.num_frames += i64::from(sign);
+        Ok(stats)
+    }
+
+    fn check_position(&self, pose: &Pose) -> Result<()> {
+        let limit = self.config.coordinate_limit();
+        match pose.translation.iter().find(|c| c.abs() > limit) {
+            Some(&got) => {
+                Err(Error::OutOfBounds { what: "camera", got, limit, voxel_size: self.config.voxel_size })
+            }
+            None => Ok(()),
+        }
+    }
+
+    /// Dense blocks whose voxels have all become equal give their slot back.
+    fn collapse(&mut self, keys: &[BlockKey]) {
+        for &key in keys {
+            if let Some(&Entry::Dense(slot)) = self.directory.get(&key)
+                && let Some(value) = uniform_value(self.backend.read(slot))
+            {
+                self.backend.release(slot);
+                set_uniform(&mut self.directory, key, value);
+            }
+        }
+    }
+
+    /// Adds another map's evidence to this one: the result is that of all frames of both.
+    ///
+    /// # Errors
+    /// [`Error::Unsupported`] if voxel size, prior or clamp differ; [`Error::MapFull`].
+    pub fn merge(&mut self, other: &OccupancyGrid) -> Result<()> {
+        let refuse = |what: &str, mine: String, theirs: String| {
+            let reason = format!("{what} differs: {mine} here, {theirs} in the other map");
+            Err(Error::Unsupported { operation: "merge", reason })
+        };
+        let (mine, theirs) = (&self.config, &other.config);
+        if mine.voxel_size != theirs.voxel_size {
+            return refuse("voxel_size", format!("{}", mine.voxel_size), format!("{}", theirs.voxel_size));
+        }
+        if mine.prior != theirs.prior {
+            return refuse("prior", format!("{}", mine.prior), format!("{}", theirs.prior));
+        }
+        if mine.clamp != theirs.clamp {
+            return refuse("clamp", format!("{:?}", mine.clamp), format!("{:?}", theirs.clamp));
+        }
+        let is_new = |key: &&BlockKey| !self.directory.contains_key(*key);
+        let becomes_dense = |(key, entry): &(&BlockKey, &Entry)| {
+            matches!(entry, Entry::Dense(_)) && !matches!(self.directory.get(*key), Some(Entry::Dense(_)))
+        };
+        let entries = self.directory.len() + other.directory.keys().filter(is_new).count();
+        let slots = self.backend.slots() + other.directory.iter().filter(becomes_dense).count();
+        budget(&self.directory, entries, slots, self.config.max_bytes)?;
+
+        let limits = self.config.limits();
+        for &key in other.directory.keys() {
+            let (Some(theirs), mine) = (other.block(key), self.block(key).unwrap_or(Block::Uniform(0))) else { continue };
+            let mut lost = 0;
+            let sums: BlockData = std::array::from_fn(|i| {
+                let (sum, overflow) = limits.add(mine.value(i), theirs.value(i));
+                lost += u64::from(overflow);
+                sum
+            });
+            self.set_block(key, &sums);
+            self.saturated += lost;
+        }
+        self.num_frames += other.num_frames;
+        self.saturated += other.saturated;
+        Ok(())
+    }
+
+    /// Stores a block in the form that fits it.
+    fn set_block(&mut self, key: BlockKey, values: &BlockData) {
+        let slot = match self.directory.get(&key) {
+            Some(&Entry::Dense(slot)) => Some(slot),
+            _ => None,
+        };
+        match (uniform_value(values), slot) {
+            (Some(value), slot) => {
+                slot.into_iter().for_each(|slot| self.backend.release(slot));
+                set_uniform(&mut self.directory, key, value);
+            }
+            (None, Some(slot)) => self.backend.write(slot, values),
+            (None, None) => {
+                let slot = self.backend.allocate(0);
+                self.backend.write(slot, values);
+                self.directory.insert(key, Entry::Dense(slot));
+            }
+        }
+    }
+
+    /// Rebuilds a map from what a file holds.
+    pub(crate) fn restore(&mut self, blocks: Vec<(BlockKey, Box<BlockData>)>, num_frames: i64, saturated: u64) {
+        blocks.iter().for_each(|(key, values)| self.set_block(*key, values));
+        (self.num_frames, self.saturated) = (num_frames, saturated);
+    }
+
+    /// The parameters of the map.
+    pub fn config(&self) -> &GridConfig {
+        &self.config
+    }
+
+    /// What the map runs on: `"cpu"`, or the name of a device.
+    pub fn backend(&self) -> &str {
+        self.backend.name()
+    }
+
+    /// Blocks that hold something.
+    pub fn num_blocks(&self) -> usize {
+        self.directory.len()
+    }
+
+    /// Voxels that are not unknown.
+    pub fn num_observed(&self) -> usize {
+        let observed = |block: Block| match block {
+            Block::Uniform(_) => BLOCK_VOXELS,
+            Block::Dense(values) => values.iter().filter(|&&value| value != 0).count(),
+        };
+        self.directory.keys().filter_map(|&key| self.block(key)).map(observed).sum()
+    }
+
+    /// Frames fused less frames removed.
+    pub fn num_frames(&self) -> i64 {
+        self.num_frames
+    }
+
+    /// How often a voxel's evidence was too large to be stored whole.
+    pub fn saturated(&self) -> u64 {
+        self.saturated
+    }
+
+    /// Bytes that the map takes: dense blocks and directory.
+    pub fn nbytes(&self) -> usize {
+        directory::bytes(self.directory.capacity(), self.backend.slots())
+    }
+
+    /// Lowest and highest corner, metres, of the box around all blocks; `None` for an empty map.
+    pub fn bounds(&self) -> Option<[[f64; 3]; 2]> {
+        let mut keys = self.directory.keys();
+        let first = *keys.next()?;
+        let (low, high) = keys.fold((first, first), |(low, high), key| {
+            (std::array::from_fn(|a| low[a].min(key[a])), std::array::from_fn(|a| high[a].max(key[a])))
+        });
+        let edge = BLOCK_EDGE as f64 * self.config.voxel_size;
+        Some([low.map(|k| f64::from(k) * edge), high.map(|k| (f64::from(k) + 1.0) * edge)])
+    }
+}
+
+impl Blocks for OccupancyGrid {
+    fn keys(&self) -> Vec<BlockKey> {
+        self.directory.keys().copied().collect()
+    }
+
+    fn block(&self, key: BlockKey) -> Option<Block<'_>> {
+        self.directory.get(&key).map(|entry| match *entry {
+            Entry::Uniform(value) => Block::Uniform(value),
+            Entry::Dense(slot) => Block::Dense(self.backend.read(slot)),
+        })
+    }
+
+    fn voxel_size(&self) -> f64 {
+        self.config.voxel_size
+    }
+
+    fn prior_log_odds(&self) -> f64 {
+        log_odds::from_probability(self.config.prior)
+    }
+}

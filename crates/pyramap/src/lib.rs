@@ -1,0 +1,46 @@
+//! Probabilistic 3D occupancy mapping from depth images: what is free, what is occupied, and what nobody has seen.
+//!
+//! The method is that of Pirker, Rüther, Schweighofer and Bischof, *Fast and Accurate Environment Modeling using
+//! Three-Dimensional Occupancy Grids* (2011), "the paper" in these pages; "Eq. n" is that paper's. A frame runs through
+//! five stages, each in a module of its name:
+//!
+//! [`ranges`] → [`pyramid`] (as the sensor sees it: [`surfaces`]) → [`cull`] → [`update`] → [`commit`]
+//!
+//! [`OccupancyGrid`] is the map, [`GridConfig`] its parameters; [`mesh`] and [`file`] read it.
+//!
+//! Camera axes are x right, y down, z forward; integer pixel coordinates are pixel centres; depth is z-depth, metres;
+//! a pose is `world_from_camera`.
+
+pub mod backend;
+pub mod block;
+pub mod camera;
+pub mod commit;
+pub mod cpu;
+pub mod cull;
+pub mod depth;
+pub mod directory;
+pub mod error;
+pub mod file;
+pub mod grid;
+pub mod log_odds;
+pub mod mesh;
+pub mod pose;
+pub mod pyramid;
+pub mod query;
+pub mod ranges;
+pub mod sensor;
+pub mod stats;
+pub mod surfaces;
+pub mod update;
+pub mod view;
+
+pub use camera::PinholeCamera;
+pub use depth::{Depth, DepthImage};
+pub use error::{Error, Result};
+pub use grid::{GridConfig, OccupancyGrid};
+pub use pose::Pose;
+pub use query::State;
+pub use ranges::BeyondMaxRange;
+pub use sensor::{SensorModel, SurfaceOffset};
+pub use stats::FrameStats;
+pub use update::UpdateRule;

@@ -1,0 +1,157 @@
+//! Stage 1, ranges (Eq. 6): Euclidean distances out of z-depths.
+
+use crate::camera::PinholeCamera;
+use crate::depth::{Depth, DepthImage};
+use crate::error::{Error, Result};
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+/// What a reading beyond `max_range` says.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum BeyondMaxRange {
+    /// Free up to `max_range`, and no surface.
+    #[default]
+    Free,
+    /// Nothing, as if there were no reading.
+    Ignore,
+}
+
+/// The measurements `M(u, v)`: distance from the camera centre, metres; `0` no reading, `+inf` no return.
+#[derive(Clone, Debug, Default)]
+pub struct Ranges {
+    /// Columns.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+    /// Row by row.
+    pub values: Vec<f32>,
+    /// `|K^-1 [u v 1]|` for each pixel of `camera`, kept from frame to frame.
+    range_per_depth: Vec<f32>,
+    camera: Option<PinholeCamera>,
+}
+
+impl Ranges {
+    /// Computes the measurements of a depth image into this buffer.
+    ///
+    /// # Errors
+    /// [`Error::ImageSize`] if image and camera differ; [`Error::Parameter`] if no pixel says anything.
+    pub fn compute(
+        &mut self,
+        image: &DepthImage,
+        camera: &PinholeCamera,
+        max_range: f64,
+        beyond: BeyondMaxRange,
+    ) -> Result<()> {
+        if (image.width, image.height) != (camera.width, camera.height) {
+            return Err(Error::ImageSize {
+                got_width: image.width,
+                got_height: image.height,
+                width: camera.width,
+                height: camera.height,
+            });
+        }
+        self.fit(camera);
+        let beyond = match beyond {
+            BeyondMaxRange::Free => f32::INFINITY,
+            BeyondMaxRange::Ignore => 0.0,
+        };
+        let max_range = max_range as f32;
+        let width = self.width;
+        let rows = self.values.par_chunks_mut(width).zip(self.range_per_depth.par_chunks(width)).enumerate();
+        let valid: usize = rows
+            .with_min_len(16)
+            .map(|(row, (out, range_per_depth))| {
+                let pixels = row * width..(row + 1) * width;
+                let range = |depth: f32, per_depth: f32| {
+                    let range = depth * per_depth;
+                    let range = if range > 0.0 { range } else { 0.0 };
+                    if range > max_range {
+                        if range == f32::INFINITY { range } else { beyond }
+                    } else {
+                        range
+                    }
+                };
+                let lanes = out.iter_mut().zip(range_per_depth);
+                match image.depth {
+                    Depth::F32(values) => {
+                        lanes.zip(&values[pixels]).for_each(|((out, &per), &depth)| *out = range(depth, per));
+                    }
+                    Depth::F64(values) => {
+                        lanes.zip(&values[pixels]).for_each(|((out, &per), &depth)| *out = range(depth as f32, per));
+                    }
+                    Depth::U16 { values, scale } => {
+                        let scale = scale as f32;
+                        let metres = |raw| f32::from(raw) / scale;
+                        lanes.zip(&values[pixels]).for_each(|((out, &per), &raw)| *out = range(metres(raw), per));
+                    }
+                }
+                out.iter().map(|&range| usize::from(range > 0.0)).sum::<usize>()
+            })
+            .sum();
+        if valid == 0 {
+            return Err(Error::Parameter {
+                name: "depth image",
+                got: format!("{} pixels without a reading", self.values.len()),
+                expected: "at least one reading that is neither 0, negative nor NaN".into(),
+            });
+        }
+        Ok(())
+    }
+
+    /// Sizes the buffers to a camera; computes its distances per depth unless it is the last frame's.
+    fn fit(&mut self, camera: &PinholeCamera) {
+        if self.camera.as_ref() == Some(camera) {
+            return;
+        }
+        (self.width, self.height) = (camera.width, camera.height);
+        self.values.resize(camera.width * camera.height, 0.0);
+        self.range_per_depth.clear();
+        self.range_per_depth.extend((0..camera.height).flat_map(|v| {
+            (0..camera.width).map(move |u| camera.range_per_depth(u as f64, v as f64) as f32)
+        }));
+        self.camera = Some(*camera);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn ranges(depth: &[f32], beyond: BeyondMaxRange) -> Result<Vec<f32>> {
+        let camera = PinholeCamera::new(depth.len(), 1, 1.0, 1.0, 0.0, 0.0)?;
+        let mut ranges = Ranges::default();
+        ranges.compute(&DepthImage::new(Depth::F32(depth), depth.len(), 1)?, &camera, 5.0, beyond)?;
+        Ok(ranges.values)
+    }
+
+    #[test]
+    fn every_kind_of_reading() {
+        let depth = [2.0, 0.0, -1.0, f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 3.0];
+        let inf = f32::INFINITY;
+        // The last pixel lies at sqrt(1 + 36) times its depth: 18 m, beyond the range.
+        assert_eq!(ranges(&depth, BeyondMaxRange::Free).unwrap(), [2.0, 0.0, 0.0, 0.0, inf, 0.0, inf]);
+        assert_eq!(ranges(&depth, BeyondMaxRange::Ignore).unwrap(), [2.0, 0.0, 0.0, 0.0, inf, 0.0, 0.0]);
+    }
+
+    #[test]
+    fn an_image_that_says_nothing_is_refused() {
+        assert!(ranges(&[0.0, f32::NAN, -3.0], BeyondMaxRange::Free).is_err());
+    }
+
+    #[test]
+    fn every_number_type_gives_the_same() {
+        let camera = PinholeCamera::new(3, 2, 2.0, 3.0, 1.0, 0.5).unwrap();
+        let raw = [1000, 2000, 0, 500, 4000, 1];
+        let metres = raw.map(|v: u16| f32::from(v) / 1000.0);
+        let double = raw.map(|v: u16| f64::from(v) / 1000.0);
+        let run = |depth| {
+            let mut ranges = Ranges::default();
+            ranges
+                .compute(&DepthImage::new(depth, 3, 2).unwrap(), &camera, 5.0, BeyondMaxRange::Free)
+                .unwrap();
+            ranges.values
+        };
+        assert_eq!(run(Depth::F32(&metres)), run(Depth::U16 { values: &raw, scale: 1000.0 }));
+        assert_eq!(run(Depth::F32(&metres)), run(Depth::F64(&double)));
+    }
+}

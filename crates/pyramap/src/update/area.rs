@@ -1,0 +1,61 @@
+//! Our rule: the mean log-odd over points spread evenly inside the voxel, each read from the pixel it falls on.
+//!
+//! The ideal (Eq. 8) weights each ray by its length inside the voxel, and rays through a volume have their length in
+//! proportion to the volume around them: points spread evenly in the voxel are a sample of just that weight.
+
+use super::{Frame, Pixels, Rule, texel};
+use crate::cull::{LayersRead, Reads};
+use crate::view::{Lanes, Points, View};
+
+/// The sample points of a voxel, relative to its centre, in the camera's frame, metres.
+pub struct Area {
+    samples: Points,
+}
+
+impl Area {
+    /// The rule for one view: one point in the middle of each eighth of the voxel.
+    pub fn new(view: &View) -> Self {
+        let side = |lane: usize, axis: usize| if lane >> axis & 1 == 0 { -0.25 } else { 0.25 };
+        Self { samples: view.voxel_offsets(|lane| [side(lane, 0), side(lane, 1), side(lane, 2)]) }
+    }
+}
+
+impl Reads for Area {
+    const REACH: f32 = 1.0;
+    const HALF_EDGE: f64 = 0.25;
+
+    #[inline(always)]
+    fn layers(&self, _near: f32, _far: f32) -> LayersRead {
+        LayersRead { first: 0, last: 0, fallback: false, certain: true }
+    }
+}
+
+impl Rule for Area {
+    #[inline(always)]
+    fn log_odds(&self, frame: &Frame, points: &Points, pixels: &Pixels) -> Lanes {
+        let layer = &frame.layers[0];
+        let (view, last) = (frame.view, [(layer.width - 1) as f32, (layer.height - 1) as f32]);
+        let mut sum = [0.0; 8];
+        let mut count = [0.0; 8];
+        for sample in 0..8 {
+            let [dx, dy, dz] = self.samples.lane(sample);
+            for n in 0..8 {
+                let inverse = 1.0 / (points.z[n] + dz);
+                let u = (points.x[n] + dx) * inverse * view.focal[0] + view.principal[0];
+                let v = (points.y[n] + dy) * inverse * view.focal[1] + view.principal[1];
+                let at = texel(v, last[1]) as usize * layer.width + texel(u, last[0]) as usize;
+                // SAFETY: `texel` clamps to the layer.
+                let surface = unsafe { *layer.surface.get_unchecked(at) };
+                let inv_sigma = if layer.inv_sigma.len() == 1 {
+                    layer.inv_sigma[0]
+                } else {
+                    unsafe { *layer.inv_sigma.get_unchecked(at) }
+                };
+                let valid = if surface == surface { 1.0 } else { 0.0 };
+                sum[n] += valid * frame.table.log_odds((pixels.range[n] - surface) * inv_sigma);
+                count[n] += valid;
+            }
+        }
+        std::array::from_fn(|n| if count[n] > 0.0 { sum[n] / count[n] } else { f32::NAN })
+    }
+}

@@ -1,0 +1,45 @@
+//! The paper's baseline, after Andert 2009: minimum ranges, one layer, bilinear within it.
+
+use super::{Frame, Pixels, Rule, bilinear, layer_of};
+use crate::cull::{LayersRead, Reads};
+use crate::view::{Lanes, Points};
+
+/// `t_0` and the number of layers.
+pub struct MinLayer {
+    /// The distance at which a voxel is one pixel wide, metres.
+    pub t_0: f32,
+    /// Layers in the pyramid.
+    pub count: usize,
+}
+
+impl Reads for MinLayer {
+    const REACH: f32 = 1.0;
+    const HALF_EDGE: f64 = 0.0;
+
+    #[inline(always)]
+    fn layers(&self, near: f32, far: f32) -> LayersRead {
+        let first = layer_of(self.t_0 / far, self.count);
+        let last = if near > 0.0 { layer_of(self.t_0 / near, self.count) } else { self.count - 1 };
+        LayersRead { first, last, fallback: false, certain: true }
+    }
+}
+
+impl Rule for MinLayer {
+    #[inline(always)]
+    fn log_odds(&self, frame: &Frame, _: &Points, pixels: &Pixels) -> Lanes {
+        let mut layer = [0; 8];
+        for n in 0..8 {
+            layer[n] = layer_of(self.t_0 / pixels.range[n], self.count);
+        }
+        let first = layer.iter().fold(self.count, |least, &i| least.min(i));
+        let last = layer.iter().fold(0, |most, &i| most.max(i));
+        let mut result = [f32::NAN; 8];
+        for i in first..=last {
+            let here = bilinear(frame, i, pixels);
+            for n in 0..8 {
+                result[n] = if layer[n] == i { here[n] } else { result[n] };
+            }
+        }
+        result
+    }
+}

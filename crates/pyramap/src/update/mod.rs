@@ -1,0 +1,330 @@
+//! Stage 4, update: the log-odd that a frame gives to each voxel of the mixed blocks (Alg. 1).
+//!
+//! One file a rule. A rule is asked for eight voxels at a time; everything around it is here.
+
+pub mod area;
+pub mod ideal;
+pub mod min_layer;
+pub mod pyramid;
+
+use crate::block::{BLOCK_VOXELS, BlockData, BlockKey, voxel_offset};
+use crate::cull::{Class, Cube, Reads, Scope};
+use crate::log_odds::{self, STEPS};
+use crate::pyramid::Selection;
+use crate::sensor::SensorTable;
+use crate::surfaces::SurfaceLayer;
+use crate::view::{Lanes, Points, View};
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+use std::ops::Range;
+
+/// How a voxel's log-odd is found in the depth image.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum UpdateRule {
+    /// The paper: four texels of two pyramid layers, interpolated (Eq. 12 to 17).
+    #[default]
+    Pyramid,
+    /// The mean log-odd over points spread inside the voxel, each read at full resolution.
+    Area,
+    /// After Andert 2009: one layer of minimum ranges, interpolated within the layer.
+    MinLayer,
+    /// Every pixel ray that cuts the voxel, weighted by its length inside (Eq. 8, 9): slow, and exact.
+    Ideal,
+}
+
+impl UpdateRule {
+    /// Which range of a window the layers of this rule keep.
+    pub fn selection(self) -> Selection {
+        match self {
+            UpdateRule::MinLayer => Selection::Minimum,
+            _ => Selection::Nearest,
+        }
+    }
+
+    /// The layers this rule can read within the range of a view, of an image with `count` of them.
+    pub fn layers(self, view: &View, count: usize) -> Range<usize> {
+        match self {
+            UpdateRule::Pyramid | UpdateRule::MinLayer => layer_of(view.t_0 as f32 / view.max_range, count)..count,
+            UpdateRule::Area | UpdateRule::Ideal => 0..1,
+        }
+    }
+}
+
+/// What a frame does to one block.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Change {
+    /// Nothing.
+    None,
+    /// The same increment for all voxels.
+    Uniform(i32),
+    /// An increment for each voxel.
+    Dense {
+        /// How many of them are not zero.
+        voxels: u32,
+    },
+}
+
+/// What a rule reads when it is asked.
+pub struct Frame<'a> {
+    /// Where the camera is.
+    pub view: &'a View,
+    /// The layers.
+    pub layers: &'a [SurfaceLayer],
+    /// The sensor model.
+    pub table: &'a SensorTable,
+}
+
+/// A rule: log-odds of eight voxels.
+pub trait Rule: Reads {
+    /// Log-odds of the voxels whose centres are `points`, projected to `pixels`; NaN where nothing was read.
+    /// Lanes out of sight hold anything, and what is answered for them is not used.
+    fn log_odds(&self, frame: &Frame, points: &Points, pixels: &Pixels) -> Lanes;
+}
+
+/// Projected voxel centres.
+#[derive(Clone, Copy, Debug)]
+pub struct Pixels {
+    /// Column, counted from the image's border: half a pixel more than from the first pixel's centre.
+    pub u: Lanes,
+    /// Row, likewise.
+    pub v: Lanes,
+    /// Euclidean distance from the camera centre, metres: the `z` of the paper.
+    pub range: Lanes,
+}
+
+/// The layer `i` with `t_(i+1) < z <= t_i`, out of `count`, for `q = t_0 / z` (Eq. 12 with the inequality turned round,
+/// since `t_i` falls with `i`): the exponent of `q`. Beyond `t_0` it is 0, nearer than the last layer's distance the last.
+#[inline(always)]
+pub fn layer_of(q: f32, count: usize) -> usize {
+    let exponent = (q.to_bits() >> 23) as i32 - 127;
+    exponent.clamp(0, count as i32 - 1) as usize
+}
+
+/// Voxels along an edge of a sub-block, the smallest cube that is culled as one.
+const SUB_EDGE: usize = 4;
+const SUBS: usize = 8;
+
+/// The 64 voxels of a sub-block as eight times eight lanes: two rows of four.
+const fn voxel_in_sub(group: usize, lane: usize) -> [usize; 3] {
+    [group / 2, group % 2 * 2 + lane / SUB_EDGE, lane % SUB_EDGE]
+}
+
+/// Where the parts of any block lie relative to its centre: computed once a frame.
+struct BlockLayout {
+    cube: Cube,
+    /// Centre of each sub-block, along the world's axes and in the camera's frame.
+    subs: [(nalgebra::Vector3<f64>, [f32; 3]); SUBS],
+    /// Voxel centres of a sub-block relative to its centre, in the camera's frame.
+    groups: [Points; 8],
+}
+
+impl BlockLayout {
+    fn new<R: Reads>(view: &View) -> Self {
+        let quarter = SUB_EDGE as f64 / 2.0;
+        let subs = std::array::from_fn(|sub| {
+            let side = |axis: usize| if sub >> (2 - axis) & 1 == 0 { -quarter } else { quarter };
+            let offset = nalgebra::Vector3::new(side(0), side(1), side(2)) * view.voxel_size;
+            (offset, view.to_camera(&offset))
+        });
+        let from_centre = |i: usize| i as f64 + 0.5 - SUB_EDGE as f64 / 2.0;
+        let groups =
+            std::array::from_fn(|group| view.voxel_offsets(|lane| voxel_in_sub(group, lane).map(from_centre)));
+        Self { cube: Cube::new::<R>(view, SUB_EDGE as f64), subs, groups }
+    }
+}
+
+/// Computes the increments of the mixed blocks: `changes[n]` and, where that is dense, `increments[n]` for `mixed[n]`.
+pub fn update<R: Rule>(
+    scope: &Scope<R>,
+    table: &SensorTable,
+    mixed: &[BlockKey],
+    increments: &mut Vec<BlockData>,
+    changes: &mut Vec<Change>,
+) {
+    increments.resize(mixed.len().max(increments.len()), [0; BLOCK_VOXELS]);
+    changes.resize(mixed.len(), Change::None);
+    let frame = Frame { view: scope.view, layers: scope.layers, table };
+    let layout = BlockLayout::new::<R>(scope.view);
+    let blocks = mixed.par_iter().zip(&mut increments[..mixed.len()]).zip(changes);
+    blocks.with_min_len(4).for_each(|((&key, increments), change)| {
+        update_block(scope, &frame, &layout, key, increments);
+        *change = summary(increments);
+    });
+}
+
+/// Picks the widest instructions that the processor has. Results do not depend on the choice: nothing is fused or
+/// reordered, only more lanes go at once.
+#[inline]
+fn update_block<R: Rule>(scope: &Scope<R>, frame: &Frame, layout: &BlockLayout, key: BlockKey, out: &mut BlockData) {
+    #[cfg(target_arch = "x86_64")]
+    {
+        #[target_feature(enable = "avx2")]
+        fn with_avx2<R: Rule>(
+            scope: &Scope<R>,
+            frame: &Frame,
+            layout: &BlockLayout,
+            key: BlockKey,
+            out: &mut BlockData,
+        ) {
+            update_sub_blocks(scope, frame, layout, key, out);
+        }
+        if is_x86_feature_detected!("avx2") {
+            // SAFETY: the processor was just asked.
+            return unsafe { with_avx2(scope, frame, layout, key, out) };
+        }
+    }
+    update_sub_blocks(scope, frame, layout, key, out);
+}
+
+#[inline(always)]
+fn update_sub_blocks<R: Rule>(
+    scope: &Scope<R>,
+    frame: &Frame,
+    layout: &BlockLayout,
+    key: BlockKey,
+    out: &mut BlockData,
+) {
+    let block_offset = scope.view.offset_of(key, 1);
+    let block_centre = scope.view.to_camera(&block_offset);
+    let free = to_increment(frame.table.free());
+    for (sub, (offset, in_camera)) in layout.subs.iter().enumerate() {
+        let centre = std::array::from_fn(|axis| block_centre[axis] + in_camera[axis]);
+        let class = scope.classify(&layout.cube, &(block_offset + offset), centre);
+        let first = [sub >> 2 & 1, sub >> 1 & 1, sub & 1].map(|side| side * SUB_EDGE);
+        for group in 0..8 {
+            let values = match class {
+                Class::Skip => [0; 8],
+                Class::Free => [free; 8],
+                Class::Mixed => update_lanes(scope, frame, &layout.groups[group].moved(centre)),
+            };
+            for row in 0..2 {
+                let [x, y, z] = voxel_in_sub(group, row * SUB_EDGE);
+                let start = voxel_offset(first[0] + x, first[1] + y, first[2] + z);
+                out[start..start + SUB_EDGE].copy_from_slice(&values[row * SUB_EDGE..(row + 1) * SUB_EDGE]);
+            }
+        }
+    }
+}
+
+/// Increments of eight voxels: projects them (Eq. 13), asks the rule, and rounds.
+#[inline(always)]
+fn update_lanes<R: Rule>(scope: &Scope<R>, frame: &Frame, points: &Points) -> [i32; 8] {
+    let view = frame.view;
+    let mut pixels = Pixels { u: [0.0; 8], v: [0.0; 8], range: [0.0; 8] };
+    let mut seen = [false; 8];
+    for i in 0..8 {
+        let [x, y, z] = points.lane(i);
+        let inverse = 1.0 / z;
+        let range = (x * x + y * y + z * z).sqrt();
+        pixels.u[i] = x * inverse * view.focal[0] + view.principal[0];
+        pixels.v[i] = y * inverse * view.focal[1] + view.principal[1];
+        seen[i] = (z > 0.0)
+            & (range <= view.max_range)
+            & (pixels.u[i] >= 0.0)
+            & (pixels.v[i] >= 0.0)
+            & (pixels.u[i] < view.image[0])
+            & (pixels.v[i] < view.image[1]);
+        // Lanes out of range must not reach for layers that are not made.
+        pixels.range[i] = if range <= view.max_range { range } else { view.max_range };
+    }
+    let log_odds = scope.rule.log_odds(frame, points, &pixels);
+    let mut increments = [0; 8];
+    for i in 0..8 {
+        let told = seen[i] & (log_odds[i] == log_odds[i]);
+        increments[i] = to_increment(if told { log_odds[i] } else { 0.0 });
+    }
+    increments
+}
+
+/// The nearest fixed-point number. Adding and taking off 1.5 x 2^23 rounds any `f32` below 2^22 to an integer, ties to
+/// even, with the same bits on every processor; log-odds of one reading stay below 2^6.
+#[inline(always)]
+fn to_increment(log_odds: f32) -> i32 {
+    const ROUND: f32 = 12_582_912.0;
+    ((log_odds * STEPS + ROUND) - ROUND) as i32
+}
+
+fn summary(increments: &BlockData) -> Change {
+    let first = increments[0];
+    if increments.iter().fold(0, |differs, &value| differs | (value ^ first)) != 0 {
+        Change::Dense { voxels: increments.iter().map(|&value| u32::from(value != 0)).sum() }
+    } else if first == 0 {
+        Change::None
+    } else {
+        Change::Uniform(first)
+    }
+}
+
+/// The increment of a voxel in free space.
+pub fn free_increment(table: &SensorTable) -> i32 {
+    let increment = to_increment(table.free());
+    debug_assert_eq!(increment, log_odds::to_fixed(f64::from(table.free())));
+    increment
+}
+
+/// Bilinear interpolation of log-odds in one layer (Eq. 15, 16): the weighted sum over valid texels, and the weights.
+/// Texel centres lie at half-integer `(u, v)`; texels beyond the border are those at the border.
+#[inline(always)]
+fn bilinear(frame: &Frame, i: usize, pixels: &Pixels) -> Lanes {
+    let layer = &frame.layers[i];
+    assert!(!layer.surface.is_empty(), "layer {i} is one that this rule reads");
+    let scale = 1.0 / (1u32 << i) as f32;
+    let (columns, rows) = Taps::pair(&pixels.u, &pixels.v, scale, layer);
+    let mut sum = [0.0; 8];
+    let mut weight = [0.0; 8];
+    for (row, row_weight) in &rows {
+        for (column, column_weight) in &columns {
+            for n in 0..8 {
+                // SAFETY: `Taps` clamps to the layer.
+                let texel = (row[n] as usize) * layer.width + column[n] as usize;
+                let surface = unsafe { *layer.surface.get_unchecked(texel) };
+                let inv_sigma = if layer.inv_sigma.len() == 1 {
+                    layer.inv_sigma[0]
+                } else {
+                    unsafe { *layer.inv_sigma.get_unchecked(texel) }
+                };
+                let valid = surface == surface;
+                let w = if valid { row_weight[n] * column_weight[n] } else { 0.0 };
+                sum[n] += w * frame.table.log_odds((pixels.range[n] - surface) * inv_sigma);
+                weight[n] += w;
+            }
+        }
+    }
+    std::array::from_fn(|n| if weight[n] > 0.0 { sum[n] / weight[n] } else { f32::NAN })
+}
+
+/// The two texels along one axis between which a coordinate lies, and their weights.
+struct Taps;
+
+type Tap = ([u32; 8], Lanes);
+
+impl Taps {
+    #[inline(always)]
+    fn pair(u: &Lanes, v: &Lanes, scale: f32, layer: &SurfaceLayer) -> ([Tap; 2], [Tap; 2]) {
+        (Self::along(u, scale, layer.width), Self::along(v, scale, layer.height))
+    }
+
+    #[inline(always)]
+    fn along(coordinate: &Lanes, scale: f32, size: usize) -> [Tap; 2] {
+        let last = (size - 1) as f32;
+        let mut taps = [([0; 8], [0.0; 8]); 2];
+        for n in 0..8 {
+            let x = coordinate[n] * scale - 0.5;
+            let floor = x.floor();
+            taps[0].0[n] = texel(floor, last);
+            taps[1].0[n] = texel(floor + 1.0, last);
+            taps[1].1[n] = x - floor;
+            taps[0].1[n] = 1.0 - (x - floor);
+        }
+        taps
+    }
+}
+
+/// A coordinate clamped to a layer; NaN becomes 0.
+#[inline(always)]
+fn texel(x: f32, last: f32) -> u32 {
+    let x = if x > 0.0 { x } else { 0.0 };
+    let x = if x < last { x } else { last };
+    // SAFETY: between 0 and `last`, which is a size in pixels.
+    unsafe { x.to_int_unchecked() }
+}

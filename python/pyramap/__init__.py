@@ -1,0 +1,37 @@
+"""Probabilistic 3D occupancy mapping from depth images: what is free, what is occupied, what nobody has seen.
+
+The method is that of Pirker, Rüther, Schweighofer and Bischof (2011), "the paper" in these pages. Camera axes are x right,
+y down, z forward; integer pixel coordinates are pixel centres; depth is z-depth in metres; a pose is `world_from_camera`,
+(4, 4) float64.
+"""
+
+from . import datasets, scenes
+from ._core import (
+    FrameStats,
+    MapFullError,
+    Mesh,
+    OccupancyGrid,
+    PinholeCamera,
+    SensorModel,
+    __version__,
+    num_threads,
+    pyramid,
+    ranges,
+    set_num_threads,
+)
+
+__all__ = [
+    "FrameStats",
+    "MapFullError",
+    "Mesh",
+    "OccupancyGrid",
+    "PinholeCamera",
+    "SensorModel",
+    "__version__",
+    "datasets",
+    "num_threads",
+    "pyramid",
+    "ranges",
+    "scenes",
+    "set_num_threads",
+]

@@ -1,0 +1,5 @@
+"""`python -m pyramap` is the command `pyramap`."""
+
+from .cli import main
+
+main()

@@ -1,0 +1,53 @@
+"""The shell: `pyramap demo | map | info | mesh | slice`, one module each.
+
+Exit codes: 0 done, 1 failed (the message on stderr says why), 2 wrongly called, 130 interrupted.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from .. import __version__
+from .demo import run_demo
+from .failures import ExplainingGroup
+from .info import describe_map
+from .map import map_dataset
+from .mesh import mesh_map
+from .slice import slice_map
+
+app = typer.Typer(
+    cls=ExplainingGroup,
+    help="Probabilistic 3D occupancy maps from depth images.",
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"pyramap {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version.")
+    ] = False,
+) -> None:
+    pass
+
+
+app.command("demo")(run_demo)
+app.command("map")(map_dataset)
+app.command("info")(describe_map)
+app.command("mesh")(mesh_map)
+app.command("slice")(slice_map)
+
+
+def main() -> None:
+    """Entry point of the command `pyramap`."""
+    app()

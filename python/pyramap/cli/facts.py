@@ -1,0 +1,74 @@
+"""What is known of maps and runs, as plain data ready for JSON."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from .._core import OccupancyGrid
+from .fusing import Run
+
+_BLOCKS_AT_ONCE = 8192
+"""Bounds the memory of counting: 16 MB of log-odds."""
+
+Facts = dict[str, Any]
+
+
+def map_facts(grid: OccupancyGrid) -> Facts:
+    """Parameters and content of a map; metres, bytes."""
+    model, bounds = grid.sensor_model, grid.bounds
+    occupied = count_occupied(grid)
+    return {
+        "voxel_size": grid.voxel_size,
+        "update": grid.update,
+        "sigma": model.sigma,
+        "k": model.k,
+        "surface_offset": model.surface_offset,
+        "max_range": grid.max_range,
+        "beyond_max_range": grid.beyond_max_range,
+        "clamp": grid.clamp,
+        "prior": grid.prior,
+        "backend": grid.backend,
+        "frames": grid.num_frames,
+        "bounds": None if bounds is None else bounds.tolist(),
+        "blocks": grid.num_blocks,
+        "voxels_free": grid.num_observed - occupied,
+        "voxels_occupied": occupied,
+        "saturated": grid.saturated,
+        "bytes": grid.nbytes,
+    }
+
+
+def count_occupied(grid: OccupancyGrid) -> int:
+    """How many voxels are more likely occupied than free."""
+    blocks = grid.block_coords()
+    parts = (blocks[start : start + _BLOCKS_AT_ONCE] for start in range(0, len(blocks), _BLOCKS_AT_ONCE))
+    return sum(int(np.count_nonzero(grid.block_log_odds(part) > 0)) for part in parts)
+
+
+def run_facts(run: Run, skipped: Mapping[int, str]) -> Facts:
+    """How a run went; `skipped` are the frames that were left out before the map saw them, with the reasons."""
+    left_out = {**skipped, **run.rejected}
+    return {
+        "frames": run.frames,
+        "left_out": {str(index): reason for index, reason in sorted(left_out.items())},
+        "interrupted": run.interrupted,
+        "failure": run.failure,
+        "seconds": run.total_seconds,
+        "frames_per_second": run.frames / run.total_seconds if run.frames else None,
+        "median_ms": run.median_ms(),
+        "peak_memory_bytes": peak_memory(),
+    }
+
+
+def peak_memory() -> int | None:
+    """The most memory that this process has had, bytes; None where the system does not say."""
+    try:
+        import resource
+    except ImportError:  # Windows
+        return None
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return peak if sys.platform == "darwin" else peak * 1024

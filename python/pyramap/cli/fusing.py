@@ -1,0 +1,103 @@
+"""The loop that maps: frames into a grid, with progress, timings and a clean stop."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from statistics import median
+from time import perf_counter
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .._core import MapFullError, OccupancyGrid
+from ..datasets import Frame
+from .failures import EXPECTED_ERRORS, explain
+from .interrupts import Interrupts
+from .terminal import frame_progress
+
+
+@dataclass
+class Run:
+    """What happened while frames were fused.
+
+    Attributes:
+        poses: `world_from_camera` of the fused frames, (4, 4) each.
+        stage_seconds: Seconds of each fused frame, by stage of `integrate`.
+        integrate_seconds: Seconds of each whole call of `integrate`.
+        waited_seconds: Seconds that the mapper waited for each frame: what reading costs beyond the other thread.
+        rejected: Frames that the map refused and that were left out, by index, with the reason.
+        interrupted: Whether Ctrl-C ended it early.
+        failure: Why it ended early, if an error did.
+    """
+
+    poses: list[NDArray[np.float64]] = field(default_factory=list)
+    stage_seconds: dict[str, list[float]] = field(default_factory=lambda: defaultdict(list))
+    integrate_seconds: list[float] = field(default_factory=list)
+    waited_seconds: list[float] = field(default_factory=list)
+    total_seconds: float = 0.0
+    rejected: dict[int, str] = field(default_factory=dict)
+    interrupted: bool = False
+    failure: str | None = None
+
+    @property
+    def frames(self) -> int:
+        """How many frames were fused."""
+        return len(self.poses)
+
+    def median_ms(self) -> dict[str, float]:
+        """Median milliseconds a frame: each stage, the whole call, and the wait for the frame; empty without frames."""
+        named = {
+            **self.stage_seconds,
+            "integrate": self.integrate_seconds,
+            "wait for frame": self.waited_seconds,
+        }
+        return {name: 1e3 * median(seconds) for name, seconds in named.items() if seconds}
+
+
+def fuse(grid: OccupancyGrid, frames: Iterable[Frame], total: int, skip_bad: bool = False) -> Run:
+    """Fuse frames until they end, Ctrl-C is pressed, or an error comes; the map keeps what was fused until then.
+
+    Args:
+        grid: The map to fuse into.
+        frames: Where the frames come from.
+        total: How many are expected, for the progress bar.
+        skip_bad: Leave out a frame that the map refuses, instead of ending.
+    """
+    run = Run()
+    source = iter(frames)
+    start = perf_counter()
+    with frame_progress() as progress, Interrupts() as interrupts:
+        bar = progress.add_task("mapping", total=total)
+        try:
+            while not interrupts.requested:
+                asked = perf_counter()
+                frame = next(source, None)
+                if frame is None:
+                    break
+                run.waited_seconds.append(perf_counter() - asked)
+                _fuse_one(grid, frame, run, skip_bad)
+                progress.advance(bar)
+        except EXPECTED_ERRORS as error:
+            run.failure = explain(error)
+        run.interrupted = interrupts.requested
+    run.total_seconds = perf_counter() - start
+    return run
+
+
+def _fuse_one(grid: OccupancyGrid, frame: Frame, run: Run, skip_bad: bool) -> None:
+    started = perf_counter()
+    try:
+        stats = grid.integrate(frame.depth, frame.camera, frame.world_from_camera)
+    except MapFullError as error:
+        raise MapFullError(f"frame {frame.index}: {error}") from error
+    except ValueError as error:
+        if not skip_bad:
+            raise ValueError(f"frame {frame.index}: {error}") from error
+        run.rejected[frame.index] = str(error)
+        return
+    run.integrate_seconds.append(perf_counter() - started)
+    for stage, seconds in stats.seconds.items():
+        run.stage_seconds[stage].append(seconds)
+    run.poses.append(np.array(frame.world_from_camera))

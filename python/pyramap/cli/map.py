@@ -1,0 +1,106 @@
+"""`pyramap map`: a data set into a map."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from .. import datasets
+from .._core import OccupancyGrid, SensorModel
+from . import values
+from .conclusion import conclude
+from .fusing import fuse
+from .options import AsJson, BackendChoice, MeshOut, MinEvidence, PictureOut, Threads
+from .outputs import check_writable, map_path, picture_path
+from .products import Products
+from .values import Backend, Numbers, Update
+
+
+def map_dataset(
+    dataset: Annotated[Path, typer.Argument(help="Folder with a data set: 7-Scenes, TUM RGB-D, Redwood or ICL-NUIM.")],
+    resolution: Annotated[float, typer.Option("--resolution", "-r", help="Edge of a voxel, metres.")] = 0.05,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", callback=map_path, help="Write the map, a .pmap file.")
+    ] = None,
+    mesh: MeshOut = None,
+    png: PictureOut = None,
+    inside_png: Annotated[
+        Path | None, typer.Option(callback=picture_path, help="Draw the mesh as seen from behind the first camera.")
+    ] = None,
+    slice_png: Annotated[
+        Path | None, typer.Option(callback=picture_path, help="Draw the level slice at the height of the cameras.")
+    ] = None,
+    sigma: Annotated[
+        Numbers | None,
+        typer.Option(
+            parser=values.sigma,
+            metavar="S0[,S1,S2]",
+            help="Standard deviation of a reading z, metres: S0 + S1 z + S2 z². By default the resolution.",
+        ),
+    ] = None,
+    k: Annotated[
+        float | None, typer.Option("--k", "-k", help="Importance of a reading, metres; S0 by default.")
+    ] = None,
+    surface_offset: Annotated[
+        str, typer.Option(metavar="METRES|centred", help="Where the model puts the surface behind the reading.")
+    ] = "0",
+    max_range: Annotated[float, typer.Option(help="Readings count up to this distance, metres.")] = 5.0,
+    update: Annotated[Update, typer.Option(help="How a voxel's log-odds come from the image.")] = Update.pyramid,
+    backend: BackendChoice = Backend.auto,
+    clamp: Annotated[
+        Numbers | None, typer.Option(parser=values.pair, metavar="LO,HI", help="Keep log-odds within these bounds.")
+    ] = None,
+    prior: Annotated[float, typer.Option(help="Probability that a voxel never seen is occupied.")] = 0.5,
+    max_bytes: Annotated[
+        int | None,
+        typer.Option(parser=values.byte_count, metavar="SIZE", help="Stop before the map takes more, such as 500MB."),
+    ] = None,
+    min_evidence: MinEvidence = 0.0,
+    camera: Annotated[
+        Numbers | None,
+        typer.Option(
+            parser=values.intrinsics,
+            metavar="FX,FY,CX,CY[,W,H]",
+            help="Intrinsics in pixels, in the place of the data set's own.",
+        ),
+    ] = None,
+    stride: Annotated[int, typer.Option(min=1, help="Take every n-th frame.")] = 1,
+    limit: Annotated[int | None, typer.Option(min=1, help="Take at most n frames.")] = None,
+    skip_bad: Annotated[bool, typer.Option("--skip-bad", help="Leave out bad frames instead of stopping.")] = False,
+    threads: Threads = None,
+    as_json: AsJson = False,
+) -> None:
+    """Fuse the frames of DATASET into a map, and make a mesh and pictures of it.
+
+    Ctrl-C stops after the frame in work; with --output the map so far is kept (meshes and pictures are left to `pyramap
+    mesh` and `pyramap slice`). The same holds when an error ends the run early.
+    """
+    products = Products(output, mesh, png, inside_png, slice_png)
+    check_writable(products.paths())
+    grid = OccupancyGrid(
+        resolution,
+        sensor_model=_sensor_model(resolution, sigma, k, surface_offset),
+        max_range=max_range,
+        update=update.value,
+        backend=backend.value,
+        clamp=None if clamp is None else (clamp[0], clamp[1]),
+        max_bytes=max_bytes,
+        prior=prior,
+    )
+    frames = datasets.open(dataset, skip_bad=skip_bad, stride=stride, limit=limit)
+    if camera is not None:
+        own = values.camera(camera, like=frames.camera)
+        frames = datasets.open(dataset, skip_bad=skip_bad, stride=stride, limit=limit, camera=own)
+    run = fuse(grid, frames, len(frames), skip_bad)
+    conclude(f"{frames.name} ({frames.format})", grid, run, frames.skipped, products, min_evidence, as_json)
+
+
+def _sensor_model(resolution: float, sigma: Numbers | None, k: float | None, surface_offset: str) -> SensorModel:
+    s0, *growth = sigma or (resolution,)
+    return SensorModel(
+        sigma=(s0, growth[0], growth[1]) if growth else s0,
+        k=k,
+        surface_offset=values.surface_offset(surface_offset),
+    )

@@ -1,0 +1,78 @@
+"""`pyramap mesh`: the surface of a map, as a file and as a picture."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from .. import pictures
+from .._core import Mesh, OccupancyGrid
+from . import values
+from .options import AsJson, BackendChoice, MapFile, MinEvidence, PictureOut, Threads
+from .outputs import check_writable, mesh_path, write_mesh
+from .products import draw_mesh, file_sizes, mesh_facts
+from .summary import print_json, print_table, product_rows
+from .terminal import working_on
+from .values import Backend, Numbers
+
+
+def mesh_map(
+    file: MapFile,
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", callback=mesh_path, help="Write the mesh: .ply, .obj, .stl or .glb."),
+    ] = None,
+    png: PictureOut = None,
+    level: Annotated[float, typer.Option(help="Log-odds of the surface.")] = 0.0,
+    min_evidence: MinEvidence = 0.0,
+    up: Annotated[
+        Numbers | None,
+        typer.Option(
+            parser=values.direction,
+            metavar="X,Y,Z",
+            help="Which way is up in the picture, such as z or 0,0.1,1; by default where most surface faces.",
+        ),
+    ] = None,
+    eye: Annotated[
+        Numbers | None,
+        typer.Option(parser=values.point, metavar="X,Y,Z", help="Take the picture from here, metres; with --look-at."),
+    ] = None,
+    look_at: Annotated[
+        Numbers | None, typer.Option(parser=values.point, metavar="X,Y,Z", help="Middle of a picture from --eye.")
+    ] = None,
+    backs: Annotated[
+        bool, typer.Option("--backs", help="Draw surfaces seen from behind, in blue, instead of looking through them.")
+    ] = False,
+    backend: BackendChoice = Backend.auto,
+    threads: Threads = None,
+    as_json: AsJson = False,
+) -> None:
+    """Make the surface of MAP: a mesh file, a picture, or both."""
+    paths = [path for path in (output, png) if path is not None]
+    if not paths:
+        raise typer.BadParameter("nothing to do: name a mesh file with --output, a picture with --png, or both")
+    if (eye is None) != (look_at is None):
+        raise typer.BadParameter("--eye and --look-at go together")
+    check_writable(paths)
+    grid = OccupancyGrid.load(file, backend=backend.value)
+    with working_on("making the mesh"):
+        mesh = grid.mesh(level=level, min_evidence=min_evidence)
+    if output:
+        with working_on("saving the mesh"):
+            write_mesh(output, mesh)
+    if png:
+        draw_mesh(png, mesh, _view(mesh, up, eye, look_at), hide_backs=not backs)
+    facts = {"mesh": mesh_facts(mesh), "files": file_sizes(paths)}
+    if as_json:
+        print_json(facts)
+    else:
+        print_table(str(file), product_rows(facts))
+
+
+def _view(mesh: Mesh, up: Numbers | None, eye: Numbers | None, look_at: Numbers | None) -> pictures.View:
+    upward = pictures.up_from_mesh(mesh.vertices, mesh.faces) if up is None else up
+    if eye is not None and look_at is not None:
+        return pictures.looking_at(eye, look_at, upward)
+    return pictures.overview(mesh.vertices, mesh.faces, upward)

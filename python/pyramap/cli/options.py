@@ -1,0 +1,36 @@
+"""Options that several commands share."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from .._core import set_num_threads
+from .outputs import mesh_path, picture_path
+from .values import Backend
+
+
+def _use_threads(count: int | None) -> int | None:
+    if count is not None:
+        set_num_threads(count)
+    return count
+
+
+MapFile = Annotated[Path, typer.Argument(metavar="MAP", help="A map: a .pmap file.")]
+MeshOut = Annotated[
+    Path | None, typer.Option("--mesh", callback=mesh_path, help="Write the mesh: .ply, .obj, .stl or .glb.")
+]
+PictureOut = Annotated[
+    Path | None, typer.Option("--png", callback=picture_path, help="Draw the mesh from obliquely above, into a .png.")
+]
+Threads = Annotated[
+    int | None, typer.Option(min=1, callback=_use_threads, help="How many threads compute; all cores by default.")
+]
+BackendChoice = Annotated[Backend, typer.Option(help="What computes; auto is a GPU if there is one, else the CPU.")]
+MinEvidence = Annotated[
+    float,
+    typer.Option(min=0.0, help="The mesh passes by voxels with less evidence (log-odds, either sign) than this."),
+]
+AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout instead of a table.")]

@@ -1,0 +1,32 @@
+"""One depth image with its camera and pose."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .._core import PinholeCamera
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Frame:
+    """A depth image, ready to be fused: `grid.integrate(frame.depth, frame.camera, frame.world_from_camera)`.
+
+    Attributes:
+        index: the frame's number in its data set, whichever part of the data set is read.
+        depth: (H, W) float32, C-contiguous, z-depth in metres; 0 where there is no reading.
+        camera: the intrinsics that the depth image was taken with.
+        world_from_camera: (4, 4) float64, as the data set gives it; camera axes x right, y down, z forward, metres.
+        timestamp: seconds, or None if the data set has no times.
+        color_path: the colour image of this frame, or None; it is not opened.
+    """
+
+    index: int
+    depth: NDArray[np.float32]
+    camera: PinholeCamera
+    world_from_camera: NDArray[np.float64]
+    timestamp: float | None = None
+    color_path: Path | None = None

@@ -1,0 +1,136 @@
+"""TUM RGB-D: a folder with `depth.txt`, `groundtruth.txt` and perhaps `rgb.txt`, each line beginning with its time."""
+
+from __future__ import annotations
+
+import re
+from bisect import bisect_left
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .._core import PinholeCamera
+from .errors import DatasetError
+from .listing import Format, FrameRef, Listing, Options
+from .png import read_png_depth
+from .text import Line, read_comments, read_lines
+from .trajectory import TimedPose, Trajectory
+
+DEPTH_LIST = "depth.txt"
+GROUND_TRUTH = "groundtruth.txt"
+COLOR_LIST = "rgb.txt"
+
+
+def _kinect(fx: float, fy: float, cx: float, cy: float) -> PinholeCamera:
+    return PinholeCamera(width=640, height=480, fx=fx, fy=fy, cx=cx, cy=cy)
+
+
+# The calibrations that the data set's authors publish for its three sensors, and the driver's own for all else.
+FREIBURG = {
+    "1": _kinect(517.3, 516.5, 318.6, 255.3),
+    "2": _kinect(520.9, 521.0, 325.1, 249.7),
+    "3": _kinect(535.4, 539.2, 320.1, 247.6),
+}
+ROS_DEFAULT = _kinect(525.0, 525.0, 319.5, 239.5)
+
+# Written with four decimals, a unit quaternion is off by 1e-4; more than this is another kind of number.
+_QUATERNION_TOLERANCE = 1e-2
+
+_read_depth = partial(read_png_depth, units_per_metre=5000.0)
+
+
+def _recognise(path: Path) -> bool:
+    return (path / DEPTH_LIST).is_file()
+
+
+def _list_frames(path: Path, options: Options) -> Listing:
+    trajectory = _read_trajectory(path / GROUND_TRUTH, options.skip_bad)
+    colors = _ColorImages(path, options)
+    frames: list[FrameRef] = []
+    dropped: dict[int, str] = {}
+    for index, line in enumerate(read_lines(path / DEPTH_LIST)):
+        try:
+            time, depth_path = _timed_file(line)
+        except DatasetError as error:
+            if not options.skip_bad:
+                raise
+            dropped[index] = str(error)
+            continue
+        gap = trajectory.gap(time)
+        if gap > options.max_gap:
+            limit = f"the limit is {options.max_gap * 1e3:g} ms"
+            dropped[index] = f"{depth_path}: the nearest ground-truth pose is {gap * 1e3:.1f} ms away; {limit}"
+            continue
+        read_pose = partial(_pose_matrix, trajectory, time, options.max_gap)
+        frames.append(FrameRef(index, depth_path, read_pose, time, colors.nearest(time)))
+    if not frames:
+        reasons = f": {next(iter(dropped.values()))}" if dropped else ""
+        raise DatasetError(path / DEPTH_LIST, f"none of its {len(dropped)} images can be used{reasons}")
+    return Listing(frames, options.camera or _camera(path), _read_depth, dropped)
+
+
+def _pose_matrix(trajectory: Trajectory, time: float, max_gap: float) -> NDArray[np.float64]:
+    return trajectory.pose_at(time, max_gap).matrix()
+
+
+def _read_trajectory(path: Path, skip_bad: bool) -> Trajectory:
+    poses: list[TimedPose] = []
+    first_error = DatasetError(path, "there is no pose in it")
+    for line in read_lines(path):
+        try:
+            poses.append(_timed_pose(line))
+        except DatasetError as error:
+            if not skip_bad:
+                raise
+            first_error = error if not poses else first_error
+    if not poses:
+        raise first_error
+    return Trajectory(poses)
+
+
+def _timed_pose(line: Line) -> TimedPose:
+    time, *numbers = line.numbers(8)
+    quaternion = np.array(numbers[3:])
+    norm = float(np.linalg.norm(quaternion))
+    if abs(norm - 1) > _QUATERNION_TOLERANCE:
+        raise line.error(f"expected a unit quaternion, got one of length {norm:g}")
+    return TimedPose(time, np.array(numbers[:3]), quaternion / norm)
+
+
+def _timed_file(line: Line) -> tuple[float, Path]:
+    if len(line.words) != 2:
+        raise line.error(f"expected a time and a file name, got {' '.join(line.words)[:80]!r}")
+    (time,) = Line(line.path, line.number, line.words[:1]).numbers(1)
+    return time, line.path.parent / line.words[1]
+
+
+class _ColorImages:
+    """The colour images of `rgb.txt`, if there is one, by time."""
+
+    def __init__(self, folder: Path, options: Options) -> None:
+        listed = folder / COLOR_LIST
+        self._files = sorted(map(_timed_file, read_lines(listed))) if listed.is_file() else []
+        self._times = [time for time, _ in self._files]
+        self._max_gap = options.max_gap
+
+    def nearest(self, time: float) -> Path | None:
+        after = bisect_left(self._times, time)
+        near = [(abs(t - time), path) for t, path in self._files[max(after - 1, 0) : after + 1]]
+        gap, path = min(near, default=(np.inf, None))
+        return path if gap <= self._max_gap else None
+
+
+def _camera(folder: Path) -> PinholeCamera:
+    """The sensor is known by the recording's name: that of the folder, or of the bag file in the lists' comments."""
+    names = f"{folder.resolve().name}\n{read_comments(folder / DEPTH_LIST)}"
+    sensor = re.search(r"(?:freiburg|(?<![a-z])fr)([123])(?!\d)", names)
+    return FREIBURG[sensor[1]] if sensor else ROS_DEFAULT
+
+
+TUM = Format(
+    name="TUM RGB-D",
+    looks_for=f"{DEPTH_LIST} and {GROUND_TRUTH}",
+    recognise=_recognise,
+    list_frames=_list_frames,
+)
