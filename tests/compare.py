@@ -95,9 +95,11 @@ def compare(actual: Blocks, expected: Blocks, tolerance: float, ambiguous: Masks
     )
 
 
-# Decisions that rounding can turn (is this voxel's centre inside the image, which of two layers serves it) are met by a
-# share of voxels of the order of rounding error over pixel size, 1e-5 to 1e-4. More failures are not due to rounding.
-MAX_EXCUSED = 2e-4
+# Most voxels that rounding decides lie where the evidence behind a surface fades to half a unit and is stored as zero or
+# one: 4.4 sigma behind it, where a tenth of a unit is 0.05 sigma of way, of the 20 sigma and more of free space that a
+# ray crosses. A few are on the border of the image or of max_range, a share of rounding error over pixel size, 1e-5 to
+# 1e-4. So two voxels in a thousand may need an excuse; where more do, it is not rounding.
+MAX_EXCUSED = 2e-3
 
 
 def assert_same_map(

@@ -211,16 +211,17 @@ AREA_POINTS = np.array([[(k + 0.5) * g / 8 % 1 - 0.5 for g in (1, 5, 7)] for k i
 
 def area(view: View, centres: Array) -> Array:
     """The mean over points spread evenly in the voxel, each giving the log-odds of the pixel that it falls in, at the z
-    of the voxel's centre: what Eq. 8 and 9 are for infinitely many pixels and points. Points outside the image, behind
-    the camera or in a pixel without a valid range do not count."""
+    of the voxel's centre: what Eq. 8 and 9 are for infinitely many pixels and points. Points outside the image take the
+    pixel next to them; those behind the camera or in a pixel without a valid range do not count."""
     z, ranges = view.project(centres)[2], view.ranges()
     total, count = np.zeros_like(z), np.zeros_like(z)
     for point in AREA_POINTS:
         u, v, _, _ = view.project(centres + point * view.voxel_size)
-        column, row = np.floor(u + 0.5), np.floor(v + 0.5)
-        inside = (column >= 0) & (column < view.camera.width) & (row >= 0) & (row < view.camera.height)
+        before = ~np.isnan(u)
+        column = np.clip(np.floor(u[before] + 0.5), 0, view.camera.width - 1).astype(int)
+        row = np.clip(np.floor(v[before] + 0.5), 0, view.camera.height - 1).astype(int)
         measured = np.full(z.shape, np.nan)
-        measured[inside] = ranges[row[inside].astype(int), column[inside].astype(int)]
+        measured[before] = ranges[row, column]
         valid = ~np.isnan(measured)
         total[valid] += view.model.log_odds(z[valid], measured[valid])
         count += valid
@@ -267,7 +268,7 @@ def doubtful(view: View, rule: str, first: Index, shape: Sequence[int], exact: A
         doubt |= np.isnan(other) != np.isnan(exact)
         doubt |= np.abs(other - exact) > VALUE_SLACK
     # Rounding to zero leaves the voxel unknown: whether it does is open where the value is within a quarter unit
-    # (6e-5) of the half unit at which rounding turns.
+    # (6e-5) of the half unit at which rounding turns. So far may a tabulated sensor model be off.
     return doubt | (np.abs(np.abs(exact) / UNIT - 0.5) < 0.25)
 
 

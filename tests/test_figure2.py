@@ -2,10 +2,10 @@
 
 The paper's camera: 400x400 pixels, f = 400, principal point (200, 200); voxels of 0.1 m, k = sigma = 0.6. What the
 paper leaves open is taken as follows. The pixels left of the principal point see the obstacle at 6 m (z-depth), that
-pixel and those to its right the one at 10 m. The camera stands in the centre of a voxel, so the axis runs through
-centres of voxels. Were the border between the obstacles on the axis itself, half a pixel to the right, each rule would
-be right that gives either obstacle the same weight, and nothing could be told from the scene. The axis is followed to
-14 m, behind which all occupancies are 0.5.
+pixel and those to its right the one at 10 m. The axis runs through centres of voxels, and the camera stands on the face
+of one, so that no voxel's distance is a t_i, where rounding would decide between two layers. Were the border between the
+obstacles on the axis itself, half a pixel to the left, each rule would be right that gives either obstacle the same
+weight, and nothing could be told from the scene. The axis is followed to 14 m, behind which all occupancies are 0.5.
 """
 
 from __future__ import annotations
@@ -23,16 +23,16 @@ CAMERA = reference.Camera(400, 400, 400.0, 400.0, 200.0, 200.0)
 def view() -> reference.View:
     depth = np.where(np.arange(400) < 200, 6.0, 10.0) * np.ones((400, 1))
     pose = np.eye(4)
-    pose[:3, 3] = VOXEL / 2
+    pose[:2, 3] = VOXEL / 2
     return reference.View(
         depth.astype(np.float32), CAMERA, pose, VOXEL, reference.Model((0.6, 0.0, 0.0)), max_range=LENGTH
     )
 
 
 def axis_of(view: reference.View) -> reference.Array:
-    """The centres of the voxels on the axis, the camera's own left out."""
+    """The centres of the voxels on the axis."""
     centres = np.zeros((round(LENGTH / VOXEL), 3))
-    centres[:, 2] = np.arange(1, len(centres) + 1) * VOXEL
+    centres[:, 2] = (np.arange(len(centres)) + 0.5) * VOXEL
     return centres + view.world_from_camera[:3, 3]
 
 
@@ -44,8 +44,7 @@ def probability(log_odds: reference.Array | float) -> reference.Array:
 def expected(view: reference.View) -> dict[str, reference.Array]:
     """Occupancies along the axis by the reference's rules."""
     axis = axis_of(view)
-    visible = view.project(axis)[3]
-    assert visible[:-1].all()  # the last may fall on either side of max_range
+    assert view.project(axis)[3].all()
     return {rule: probability(function(view, axis)) for rule, function in reference.RULES.items()}
 
 
@@ -71,16 +70,17 @@ def errors(occupancies: dict[str, reference.Array], truth: reference.Array) -> d
 
 def test_the_ideal_is_as_in_the_papers_figure(expected: dict[str, reference.Array]) -> None:
     ideal = expected["ideal"]
-    at = {z: ideal[round(z / VOXEL) - 1] for z in (3.0, 6.0, 8.0, 10.0, 13.5)}
-    free, hit = -0.847, 2.185  # log-odds of p = 0.3 and of 0.5 + 1 / sqrt(2 pi)
-    near_end = -0.836  # 2 m in front of the obstacle, 3.33 sigma: p = 0.302
-    # The voxel is 40 / z pixels wide and high around pixel 200. Its rays are equally long inside to less than 1 %. At
-    # 10 m these are 3 x 3, and the 16 around them leave through a side half-way: 6.5 lengths near and 10.5 far.
-    assert at[3.0] == pytest.approx(0.3, abs=1e-3)
-    assert at[6.0] == pytest.approx(float(probability((3 * hit + 4 * free) / 7)), abs=2e-3)  # pixels 197 to 203
-    assert at[8.0] == pytest.approx(float(probability((2 * 0.006 + 3 * near_end) / 5)), abs=2e-3)  # 198 to 202
-    assert at[10.0] == pytest.approx(float(probability((6.5 * 0 + 10.5 * hit) / 17)), abs=2e-3)
-    assert at[13.5] == pytest.approx(0.5, abs=1e-3)
+    at = {z: ideal[int(z / VOXEL)] for z in (3.05, 6.05, 8.05, 10.05, 13.55)}
+    free, hit = -0.847, 2.170  # log-odds of p = 0.3, and 5 cm behind a surface, of 0.5 + 0.996 / sqrt(2 pi)
+    in_front = -0.833  # 1.95 m in front of a surface, 3.25 sigma: p = 0.303
+    behind = 0.005  # 2.05 m behind one, 3.42 sigma
+    # The voxel is 40 / z pixels wide and high around pixel 200. Rays inside are equally long to less than 1 %, but for
+    # those that leave through a side; at 10.05 m there are none of those, as pixels 198 and 202 end on its near edges.
+    assert at[3.05] == pytest.approx(0.3, abs=1e-3)
+    assert at[6.05] == pytest.approx(float(probability((3 * hit + 4 * free) / 7)), abs=1e-3)  # pixels 197 to 203
+    assert at[8.05] == pytest.approx(float(probability((2 * behind + 3 * in_front) / 5)), abs=1e-3)  # 198 to 202
+    assert at[10.05] == pytest.approx(float(probability((1 * 0 + 2 * hit) / 3)), abs=1e-3)  # 199 to 201
+    assert at[13.55] == pytest.approx(0.5, abs=1e-3)
 
 
 def test_reference_rules_on_the_axis(expected: dict[str, reference.Array]) -> None:
@@ -99,7 +99,5 @@ def test_extension_rules_on_the_axis(actual: dict[str, reference.Array], expecte
 def test_extension_agrees_with_the_reference_on_the_axis(
     actual: dict[str, reference.Array], expected: dict[str, reference.Array]
 ) -> None:
-    """The axis runs through pixel centres and texel borders: all ties of the geometry meet here."""
     for rule, p in expected.items():
-        # 1e-3 of log-odds is at most 2.5e-4 of probability. The last voxel may fall on either side of max_range.
-        np.testing.assert_allclose(actual[rule][:-1], p[:-1], atol=2.5e-4, err_msg=rule)
+        np.testing.assert_allclose(actual[rule], p, atol=2.5e-4, err_msg=rule)  # 1e-3 of log-odds is at most so much

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from compare import blocks_of_box
 from reference import (
+    AREA_POINTS,
     FREE,
     RULES,
     Array,
@@ -190,8 +191,23 @@ def test_area_is_the_mean_over_points_inside_the_voxel() -> None:
     assert seen([[0.0, 4.5], [3.5, NAN]]) == pytest.approx((near + far) / 2, rel=1e-5)
     assert seen([[INF, INF], [INF, 3.5]]) == pytest.approx((3 * FREE + near) / 4, rel=1e-5)
     assert math.isnan(seen([[0.0, 0.0], [NAN, -1.0]]))
-    # An image of the left column alone: the points right of it do not count.
+    # An image of the left column alone: the points right of it see its pixels.
     assert seen([[3.5], [4.5]], Camera(1, 2, 1.0, 1.0, 0.5, 0.5)) == pytest.approx((near + far) / 2, rel=1e-5)
+    assert seen([[3.5], [0.0]], Camera(1, 2, 1.0, 1.0, 0.5, 0.5)) == pytest.approx(near, rel=1e-5)
+
+
+def test_area_leaves_out_points_behind_the_camera() -> None:
+    # The camera stands at z = 0.3 in the voxel [0, 1]^3. The points before it see the pixel left or right of the axis.
+    pose = np.eye(4)
+    pose[:3, 3] = 0.5, 0.5, 0.3
+    image = np.array([[0.1, 5.0]], np.float32)
+    view = View(image, Camera(2, 1, 1.0, 1.0, 0.5, 0.0), pose, 1.0, MODEL)
+    left = sum(1 for x, _, z in AREA_POINTS if z + 0.5 > 0.3 and x < 0)
+    right = sum(1 for x, _, z in AREA_POINTS if z + 0.5 > 0.3 and x > 0)
+    assert left + right < 8
+    l_left, l_right = (at(MODEL, 0.2, z_j) for z_j in (0.1 * math.sqrt(1.25), 5 * math.sqrt(1.25)))
+    expected = (left * l_left + right * l_right) / (left + right)
+    assert area(view, np.array([[0.5, 0.5, 0.5]]))[0] == pytest.approx(expected, rel=1e-5)
 
 
 @pytest.mark.parametrize("rule", RULES)

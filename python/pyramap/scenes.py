@@ -102,7 +102,7 @@ def spheres() -> Scene:
 def office_loop() -> Scene:
     """Corridors of 2 m width and a large meeting room, furnished, walked in a closed loop of 60 m.
 
-    684 views of 640 x 480 pixels (a Kinect's f = 585) from 1.45 m height, never nearer than 0.3 m to anything. The world's
-    x and y lie on the floor, z points up, the ceiling is at 2.7 m.
+    684 views of 640 x 480 pixels (a Kinect's f = 585) from 1.45 m height, never nearer than 0.3 m to anything.
+    The world's x and y lie on the floor, z points up, the ceiling is at 2.7 m.
     """
     return Scene("office_loop")

@@ -22,9 +22,9 @@ impl<'py> DepthArray<'py> {
     /// Takes (H, W) float32 or float64 metres, or uint16 with a scale; any strides, which cost a copy.
     pub fn new(depth: &Bound<'py, PyAny>, depth_scale: Option<f64>) -> PyResult<Self> {
         let expected = "expected a (H, W) numpy array of float32 or float64 metres, or of uint16 with depth_scale";
-        let array = depth.cast::<PyUntypedArray>().map_err(|_| {
-            PyValueError::new_err(format!("depth is a {}, {expected}", type_name(depth)))
-        })?;
+        let array = depth
+            .cast::<PyUntypedArray>()
+            .map_err(|_| PyValueError::new_err(format!("depth is a {}, {expected}", type_name(depth))))?;
         let &[height, width] = array.shape() else {
             return Err(PyValueError::new_err(format!("depth has shape {:?}, {expected}", array.shape())));
         };
@@ -61,14 +61,13 @@ impl<'py> DepthArray<'py> {
     }
 }
 
-/// The array as one of `T`, C-contiguous (copied if it is not); `None` if its elements are others.
+/// The array as one of `T`, C-contiguous and aligned (copied if it is not); `None` if its elements are others.
 fn typed<'py, T: Element>(array: &Bound<'py, PyUntypedArray>) -> PyResult<Option<PyReadonlyArrayDyn<'py, T>>> {
-    let Ok(typed) = array.cast::<PyArrayDyn<T>>() else { return Ok(None) };
-    if typed.is_c_contiguous() {
-        return Ok(Some(typed.try_readonly()?));
+    if array.cast::<PyArrayDyn<T>>().is_err() {
+        return Ok(None);
     }
-    let copy = array.py().import("numpy")?.call_method1("ascontiguousarray", (array,))?;
-    Ok(Some(copy.cast::<PyArrayDyn<T>>()?.try_readonly()?))
+    let plain = array.py().import("numpy")?.call_method1("require", (array, None::<()>, "CA"))?;
+    Ok(Some(plain.cast::<PyArrayDyn<T>>()?.try_readonly()?))
 }
 
 /// A `world_from_camera`: anything that numpy makes a (4, 4) float64 array of.
@@ -91,16 +90,17 @@ pub fn points(points: &Bound<'_, PyAny>) -> PyResult<Vec<[f64; 3]>> {
 
 /// Block coordinates: an (N, 3) array of integers.
 pub fn block_keys(coords: &Bound<'_, PyAny>) -> PyResult<Vec<[i32; 3]>> {
-    let expected = "expected an (N, 3) array of integers";
+    let expected = "expected an (N, 3) array of integers of at most 64 bits with sign";
     let numpy = coords.py().import("numpy")?;
     let array = numpy.call_method1("asarray", (coords,))?;
     let kind: String = array.getattr("dtype")?.getattr("kind")?.extract()?;
     let shape: Vec<usize> = array.getattr("shape")?.extract()?;
-    if !(kind == "i" || kind == "u") || shape.len() != 2 || shape[1] != 3 {
-        let dtype = array.getattr("dtype")?;
+    let dtype = array.getattr("dtype")?;
+    let fits: bool = numpy.call_method1("can_cast", (&dtype, "int64"))?.extract()?;
+    if !(kind == "i" || kind == "u") || !fits || shape.len() != 2 || shape[1] != 3 {
         return Err(PyValueError::new_err(format!("coords have dtype {dtype} and shape {shape:?}, {expected}")));
     }
-    let wide = numpy.call_method1("ascontiguousarray", (array, "int64"))?;
+    let wide = numpy.call_method1("require", (array, "int64", "CA"))?;
     let wide = wide.cast::<PyArrayDyn<i64>>()?.try_readonly()?;
     let beyond = |c: &i64| PyValueError::new_err(format!("coords hold {c}, expected numbers of 32 bits"));
     let keys: Result<Vec<i32>, &i64> = wide.as_slice()?.iter().map(|c| i32::try_from(*c).map_err(|_| c)).collect();
@@ -109,7 +109,7 @@ pub fn block_keys(coords: &Bound<'_, PyAny>) -> PyResult<Vec<[i32; 3]>> {
 
 /// The elements of whatever numpy can make float64 of, in C order, and its shape.
 fn float64(value: &Bound<'_, PyAny>, name: &str) -> PyResult<(Vec<f64>, Vec<usize>)> {
-    let array = value.py().import("numpy")?.call_method1("ascontiguousarray", (value, "float64")).map_err(|error| {
+    let array = value.py().import("numpy")?.call_method1("require", (value, "float64", "CA")).map_err(|error| {
         PyValueError::new_err(format!("{name} is a {} that is no array of numbers: {error}", type_name(value)))
     })?;
     let shape: Vec<usize> = array.getattr("shape")?.extract()?;

@@ -4,7 +4,21 @@ use crate::errors::to_py;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
-/// Pinhole intrinsics without distortion, pixels; integer pixel coordinates are pixel centres.
+/// A pinhole camera without distortion.
+///
+/// Its axes are x right, y down, z forward. Integer pixel coordinates are pixel centres: the image spans columns -0.5 to
+/// `width - 0.5`. Cameras compare by value, and can be hashed and pickled.
+///
+/// Args:
+///     width: Columns of the image, 1 to 16384.
+///     height: Rows of the image, 1 to 16384.
+///     fx: Focal length along a row, pixels, positive.
+///     fy: Focal length along a column, pixels, positive.
+///     cx: Column of the principal point, pixels.
+///     cy: Row of the principal point, pixels.
+///
+/// Raises:
+///     ValueError: If a number is out of its range, or not finite.
 #[pyclass(frozen, eq, module = "pyramap", from_py_object)]
 #[derive(Clone, Copy, PartialEq)]
 pub struct PinholeCamera(pub pyramap::PinholeCamera);
@@ -15,37 +29,44 @@ impl PinholeCamera {
     #[pyo3(signature = (width, height, fx, fy, cx, cy))]
     fn new(width: i64, height: i64, fx: f64, fy: f64, cx: f64, cy: f64) -> PyResult<Self> {
         let side = |name: &str, side: i64| {
-            usize::try_from(side).map_err(|_| PyValueError::new_err(format!("camera {name} is {side}, expected at least 1")))
+            usize::try_from(side)
+                .map_err(|_| PyValueError::new_err(format!("camera {name} is {side}, expected at least 1")))
         };
         let camera = pyramap::PinholeCamera::new(side("width", width)?, side("height", height)?, fx, fy, cx, cy);
         camera.map(Self).map_err(to_py)
     }
 
+    /// Columns of the image.
     #[getter]
     fn width(&self) -> usize {
         self.0.width
     }
 
+    /// Rows of the image.
     #[getter]
     fn height(&self) -> usize {
         self.0.height
     }
 
+    /// Focal length along a row, pixels.
     #[getter]
     fn fx(&self) -> f64 {
         self.0.fx
     }
 
+    /// Focal length along a column, pixels.
     #[getter]
     fn fy(&self) -> f64 {
         self.0.fy
     }
 
+    /// Column of the principal point, pixels.
     #[getter]
     fn cx(&self) -> f64 {
         self.0.cx
     }
 
+    /// Row of the principal point, pixels.
     #[getter]
     fn cy(&self) -> f64 {
         self.0.cy

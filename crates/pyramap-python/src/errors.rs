@@ -10,7 +10,7 @@ create_exception!(
     pyramap,
     MapFullError,
     PyException,
-    "The map would take more than `max_bytes`; it is as it was before the call."
+    "A frame or a merge would take the map beyond its `max_bytes`. The map is as it was before the call."
 );
 
 /// The exception for an error, with the same words.

@@ -5,7 +5,7 @@ use crate::camera::PinholeCamera;
 use crate::errors::to_py;
 use crate::mesh::Mesh;
 use crate::sensor::SensorModel;
-use crate::threads::run;
+use crate::threads::{run, with_pool};
 use numpy::{PyArray1, PyArray2, PyArray4, PyArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -14,11 +14,35 @@ use pyramap::block::BLOCK_EDGE;
 use pyramap::mesh::MeshOptions;
 use pyramap::{BeyondMaxRange, GridConfig, Pose, UpdateRule};
 use std::path::PathBuf;
-use std::sync::{PoisonError, RwLock, RwLockReadGuard};
+use std::sync::{PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
 
-/// A sparse map of log-odds: free, occupied and unknown space.
+/// A sparse map of log-odds out of depth images: what is free, what is occupied, and what nobody has seen.
 ///
-/// Any number of threads may ask while none integrates; who integrates waits for them, and they for it.
+/// Voxel (i, j, k) spans `[i r, (i + 1) r)` along the world's x, y, z for a voxel size `r`; its centre is `(i + 0.5) r`.
+/// Log-odds are kept as whole multiples of 2^-12. Without `clamp` a frame only adds to them: the same frames give the
+/// same map in any order and on any number of threads, frames can be removed, and maps merged.
+///
+/// A call that fails leaves the map as it was. Maps are safe to share among threads: any number may ask at a time; one
+/// that changes the map waits for them and they for it, so that every answer is about whole frames.
+///
+/// Args:
+///     voxel_size: Edge of a voxel, metres.
+///     sensor_model: What a reading says (Eq. 7). Default: `SensorModel(sigma=voxel_size)`.
+///     max_range: Distance from the camera up to which voxels are updated, metres: 1 to 4096 voxels.
+///     update: How a voxel's log-odd is found in the image. "pyramid": the paper's rule, two layers of a range pyramid,
+///         interpolated (Eq. 10 to 17). "area": the mean of the log-odds at points spread in the voxel, read at full
+///         resolution. "min_layer": one layer of least ranges, interpolated (after Andert 2009). "ideal": all rays that
+///         cut the voxel, weighted by their length in it (Eq. 8 and 9): exact and slow.
+///     backend: "auto" or "cpu".
+///     clamp: `(low, high)` log-odds within which voxels are kept, so that the map follows changes quickly; one below and
+///         one above the prior's. Frames cannot be removed then, and their order matters. Default: no bounds.
+///     max_bytes: The most that `nbytes` may come to. Default: no limit.
+///     prior: Probability of being occupied before anything is seen (Eq. 4), between 0 and 1.
+///     beyond_max_range: What a reading farther than `max_range` says. "free": all is free up to `max_range`. "ignore":
+///         nothing, as if there were no reading.
+///
+/// Raises:
+///     ValueError: If a parameter is out of its range; the message names it.
 #[pyclass(frozen, module = "pyramap")]
 pub struct OccupancyGrid(RwLock<pyramap::OccupancyGrid>);
 
@@ -58,13 +82,20 @@ impl OccupancyGrid {
         self.0.read().unwrap_or_else(PoisonError::into_inner)
     }
 
+    fn write(&self) -> RwLockWriteGuard<'_, pyramap::OccupancyGrid> {
+        self.0.write().unwrap_or_else(PoisonError::into_inner)
+    }
+
     /// Asks the map without the GIL.
     fn ask<T: Send>(
         &self,
         py: Python<'_>,
         question: impl FnOnce(&pyramap::OccupancyGrid) -> pyramap::Result<T> + Send,
     ) -> PyResult<T> {
-        run(py, || question(&self.read()))
+        with_pool(py, |pool| {
+            let grid = &*self.read();
+            pool.install(|| question(grid))
+        })
     }
 
     /// Changes the map without the GIL.
@@ -73,7 +104,10 @@ impl OccupancyGrid {
         py: Python<'_>,
         change: impl FnOnce(&mut pyramap::OccupancyGrid) -> pyramap::Result<T> + Send,
     ) -> PyResult<T> {
-        run(py, || change(&mut self.0.write().unwrap_or_else(PoisonError::into_inner)))
+        with_pool(py, |pool| {
+            let grid = &mut *self.write();
+            pool.install(|| change(grid))
+        })
     }
 
     /// A property, read without holding the GIL while another thread integrates.
@@ -131,6 +165,16 @@ impl OccupancyGrid {
         pyramap::OccupancyGrid::new(config).map(|grid| Self(RwLock::new(grid))).map_err(to_py)
     }
 
+    /// Reads a map that `save` wrote, with all its parameters.
+    ///
+    /// Args:
+    ///     path: A str or a path.
+    ///     backend: As for the constructor; it is not part of the file.
+    ///
+    /// Raises:
+    ///     OSError: If the file cannot be read (FileNotFoundError, PermissionError), is no map, is cut off or altered in
+    ///         any place, or comes from a newer version; the message names the file.
+    ///     ValueError: If there is no such backend.
     #[staticmethod]
     #[pyo3(signature = (path, backend = "auto"))]
     fn load(py: Python<'_>, path: PathBuf, backend: &str) -> PyResult<Self> {
@@ -138,10 +182,39 @@ impl OccupancyGrid {
         run(py, || pyramap::OccupancyGrid::load(path)).map(|grid| Self(RwLock::new(grid)))
     }
 
+    /// Writes the map to a file: equal maps give equal bytes.
+    ///
+    /// The path holds the whole new map or what was there before: it is written beside it first, synced, and renamed.
+    ///
+    /// Args:
+    ///     path: A str or a path; ".pmap" is the usual ending.
+    ///
+    /// Raises:
+    ///     OSError: If the file cannot be written; the message names it.
     fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
         self.ask(py, |grid| grid.save(path))
     }
 
+    /// Fuses a depth image into the map: whole, or not at all.
+    ///
+    /// A reading of 0, NaN or a negative number is no reading and says nothing; `inf` is no return: all is free up to
+    /// `max_range`. A reading whose distance from the camera exceeds `max_range` means what `beyond_max_range` says.
+    /// In uint16 every value but 0 is a distance, 65535 too: set what a sensor writes for "no reading" to 0 first.
+    ///
+    /// Args:
+    ///     depth: (H, W) z-depth, float32 or float64 metres, or uint16 with `depth_scale`. Any strides; read-only will do.
+    ///     camera: Intrinsics, for an image of the same size.
+    ///     world_from_camera: (4, 4) rigid transform, metres. The entries of R^T R may differ from the identity by
+    ///         2e-3; the nearest rotation is used.
+    ///     depth_scale: For uint16 and only then: steps a metre, 1000.0 for millimetres.
+    ///
+    /// Returns:
+    ///     What the frame did, and the time it took.
+    ///
+    /// Raises:
+    ///     ValueError: If the image has another shape or type, differs in size from the camera or holds no reading at
+    ///         all; the pose is not finite or not rigid; or the camera lies beyond the coordinates of the map.
+    ///     MapFullError: If the map would take more than `max_bytes`.
     #[pyo3(signature = (depth, camera, world_from_camera, depth_scale = None))]
     fn integrate(
         &self,
@@ -153,6 +226,20 @@ impl OccupancyGrid {
         self.frame(depth, camera, world_from_camera, depth_scale, pyramap::OccupancyGrid::integrate)
     }
 
+    /// Takes a frame back, exactly: the map is then as if it had never been fused.
+    ///
+    /// Args:
+    ///     depth: The arguments that `integrate` had, in this map or in one merged into it.
+    ///     camera: As before.
+    ///     world_from_camera: As before.
+    ///     depth_scale: As before.
+    ///
+    /// Returns:
+    ///     What the removal did, and the time it took.
+    ///
+    /// Raises:
+    ///     ValueError: As for `integrate`; and if the map has a `clamp` or is `saturated`: evidence is lost then.
+    ///     MapFullError: As for `integrate`: what was never fused can be removed, and takes room.
     #[pyo3(signature = (depth, camera, world_from_camera, depth_scale = None))]
     fn remove(
         &self,
@@ -164,42 +251,120 @@ impl OccupancyGrid {
         self.frame(depth, camera, world_from_camera, depth_scale, pyramap::OccupancyGrid::remove)
     }
 
+    /// Adds another map's evidence: the result is the map of all frames of both.
+    ///
+    /// Args:
+    ///     other: A map with the same voxel size, prior and clamp. It stays as it is.
+    ///
+    /// Raises:
+    ///     ValueError: If one of those differs, or `other` is this map itself.
+    ///     MapFullError: If the map would take more than `max_bytes`.
     fn merge(slf: &Bound<'_, Self>, other: &Bound<'_, Self>) -> PyResult<()> {
         if slf.is(other) {
             return Err(PyValueError::new_err("other is the map itself, expected another map"));
         }
-        let other = other.get();
-        slf.get().change(slf.py(), |grid| grid.merge(&other.read()))
+        let (map, other) = (slf.get(), other.get());
+        with_pool(slf.py(), |pool| {
+            // In the order of their addresses, so that two maps merged into each other at the same time do not each
+            // wait for the other.
+            let (mut map, other) = if std::ptr::from_ref(map) < std::ptr::from_ref(other) {
+                let map = map.write();
+                (map, other.read())
+            } else {
+                let other = other.read();
+                (map.write(), other)
+            };
+            let (map, other) = (&mut *map, &*other);
+            pool.install(|| map.merge(other))
+        })
     }
 
+    /// Log-odds at points.
+    ///
+    /// Args:
+    ///     points: (N, 3) world coordinates, metres. A point belongs to the voxel that contains it.
+    ///
+    /// Returns:
+    ///     (N,) float32 natural log-odds, evidence plus prior; 0 where unknown.
+    ///
+    /// Raises:
+    ///     ValueError: If the shape is another, or a coordinate is not finite.
     fn log_odds<'py>(&self, points: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyArray1<f32>>> {
         let at = arrays::points(points)?;
         Ok(PyArray1::from_vec(points.py(), self.ask(points.py(), |grid| grid.log_odds(&at))?))
     }
 
+    /// Probabilities of being occupied at points (Eq. 5).
+    ///
+    /// Args:
+    ///     points: (N, 3) world coordinates, metres.
+    ///
+    /// Returns:
+    ///     (N,) float32; the prior where unknown.
+    ///
+    /// Raises:
+    ///     ValueError: As for `log_odds`.
     fn probability<'py>(&self, points: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyArray1<f32>>> {
         let at = arrays::points(points)?;
         Ok(PyArray1::from_vec(points.py(), self.ask(points.py(), |grid| grid.probability(&at))?))
     }
 
+    /// What the map knows at points.
+    ///
+    /// Args:
+    ///     points: (N, 3) world coordinates, metres.
+    ///
+    /// Returns:
+    ///     (N,) int8: -1 unknown, 0 free (seen, and log-odds of at most 0), 1 occupied.
+    ///
+    /// Raises:
+    ///     ValueError: As for `log_odds`.
     fn state<'py>(&self, points: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyArray1<i8>>> {
         let at = arrays::points(points)?;
         let states = self.ask(points.py(), |grid| grid.state(&at))?;
         Ok(PyArray1::from_iter(points.py(), states.into_iter().map(|state| state as i8)))
     }
 
+    /// Coordinates of all blocks of 8 x 8 x 8 voxels that hold something, sorted by x, then y, then z.
+    ///
+    /// Returns:
+    ///     (B, 3) int32. Block (a, b, c) begins at voxel (8 a, 8 b, 8 c).
     fn block_coords<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<i32>>> {
         let keys = self.ask(py, |grid| Ok(grid.block_coords()))?;
         let count = keys.len();
         PyArray1::from_vec(py, keys.into_flattened()).reshape([count, 3])
     }
 
+    /// Log-odds of whole blocks.
+    ///
+    /// Args:
+    ///     coords: (B, 3) integers, coordinates of blocks; blocks that the map does not hold are unknown.
+    ///
+    /// Returns:
+    ///     (B, 8, 8, 8) float32, axes x, y, z: as `log_odds` at the centres of the voxels, 0 where unknown.
+    ///
+    /// Raises:
+    ///     ValueError: If shape or type are others, or a number exceeds 32 bits.
     fn block_log_odds<'py>(&self, coords: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyArray4<f32>>> {
         let keys = arrays::block_keys(coords)?;
         let values = self.ask(coords.py(), |grid| Ok(grid.block_log_odds(&keys)))?;
         PyArray1::from_vec(coords.py(), values).reshape([keys.len(), BLOCK_EDGE, BLOCK_EDGE, BLOCK_EDGE])
     }
 
+    /// The surface between occupied and free space, by marching cubes over the voxels' centres.
+    ///
+    /// Faces are drawn only among known voxels, so the surface ends where knowledge does. Where all is known it is
+    /// closed. The same map gives the same mesh on any number of threads.
+    ///
+    /// Args:
+    ///     level: Log-odds of the surface; 0 is a probability of one half.
+    ///     min_evidence: Voxels whose log-odds without the prior are nearer to 0 than this count as unknown.
+    ///
+    /// Returns:
+    ///     The mesh, without vertices if there is no such surface.
+    ///
+    /// Raises:
+    ///     ValueError: If `level` is beyond what a map can hold, or `min_evidence` is negative or not a number.
     #[pyo3(signature = (level = 0.0, min_evidence = 0.0))]
     fn mesh(&self, py: Python<'_>, level: f64, min_evidence: f64) -> PyResult<Mesh> {
         let options = MeshOptions { level, min_evidence };
@@ -207,77 +372,92 @@ impl OccupancyGrid {
         Mesh::new(py, mesh)
     }
 
+    /// Lowest and highest corner of the box around all blocks, (2, 3) float64, metres; None for an empty map.
     #[getter]
     fn bounds<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray2<f64>>> {
         let bounds = self.property(py, |grid| grid.bounds());
         bounds.map(|corners| PyArray2::from_vec2(py, &corners.map(Vec::from)).expect("two rows of three"))
     }
 
+    /// Number of blocks of 8 x 8 x 8 voxels that hold something.
     #[getter]
     fn num_blocks(&self, py: Python<'_>) -> usize {
         self.property(py, |grid| grid.num_blocks())
     }
 
+    /// Number of voxels that are not unknown.
     #[getter]
     fn num_observed(&self, py: Python<'_>) -> usize {
         self.property(py, |grid| grid.num_observed())
     }
 
+    /// Number of frames fused less those removed, with those of merged maps.
     #[getter]
     fn num_frames(&self, py: Python<'_>) -> i64 {
         self.property(py, |grid| grid.num_frames())
     }
 
+    /// How many additions to voxels were too large to be stored whole, beyond log-odds of 524288; 0 in any sane map.
     #[getter]
     fn saturated(&self, py: Python<'_>) -> u64 {
         self.property(py, |grid| grid.saturated())
     }
 
+    /// Bytes that the map takes: its blocks and their directory. A block of one value throughout costs only its entry.
     #[getter]
     fn nbytes(&self, py: Python<'_>) -> usize {
         self.property(py, |grid| grid.nbytes())
     }
 
+    /// What the map runs on: "cpu".
     #[getter]
     fn backend(&self, py: Python<'_>) -> String {
         self.property(py, |grid| grid.backend().to_owned())
     }
 
+    /// Edge of a voxel, metres.
     #[getter]
     fn voxel_size(&self, py: Python<'_>) -> f64 {
         self.property(py, |grid| grid.config().voxel_size)
     }
 
+    /// What a reading says.
     #[getter]
     fn sensor_model(&self, py: Python<'_>) -> SensorModel {
         SensorModel(self.property(py, |grid| grid.config().sensor_model))
     }
 
+    /// Distance from the camera up to which voxels are updated, metres.
     #[getter]
     fn max_range(&self, py: Python<'_>) -> f64 {
         self.property(py, |grid| grid.config().max_range)
     }
 
+    /// The update rule: "pyramid", "area", "min_layer" or "ideal".
     #[getter]
     fn update(&self, py: Python<'_>) -> &'static str {
         self.property(py, |grid| word(grid.config().update, &UPDATES))
     }
 
+    /// Bounds of the log-odds, or None.
     #[getter]
     fn clamp(&self, py: Python<'_>) -> Option<(f64, f64)> {
         self.property(py, |grid| grid.config().clamp)
     }
 
+    /// The most that `nbytes` may come to, or None.
     #[getter]
     fn max_bytes(&self, py: Python<'_>) -> Option<usize> {
         self.property(py, |grid| grid.config().max_bytes)
     }
 
+    /// Probability of being occupied before anything is seen.
     #[getter]
     fn prior(&self, py: Python<'_>) -> f64 {
         self.property(py, |grid| grid.config().prior)
     }
 
+    /// What a reading farther than `max_range` says: "free" or "ignore".
     #[getter]
     fn beyond_max_range(&self, py: Python<'_>) -> &'static str {
         self.property(py, |grid| word(grid.config().beyond_max_range, &BEYOND))
@@ -292,32 +472,37 @@ impl OccupancyGrid {
     }
 }
 
-/// What a frame did to the map.
+/// What a frame did to the map, returned by `OccupancyGrid.integrate` and `OccupancyGrid.remove`.
 #[pyclass(frozen, module = "pyramap")]
 pub struct FrameStats(pyramap::FrameStats);
 
 #[pymethods]
 impl FrameStats {
+    /// Blocks found free throughout without asking a voxel.
     #[getter]
     fn blocks_free(&self) -> usize {
         self.0.blocks_free
     }
 
+    /// Blocks whose voxels were asked.
     #[getter]
     fn blocks_mixed(&self) -> usize {
         self.0.blocks_mixed
     }
 
+    /// Voxels whose evidence changed.
     #[getter]
     fn voxels_updated(&self) -> usize {
         self.0.voxels_updated
     }
 
+    /// Voxels whose evidence was too large to be stored whole.
     #[getter]
     fn saturated(&self) -> u64 {
         self.0.saturated
     }
 
+    /// Seconds by stage, in order: ranges, pyramid, cull, update, commit.
     #[getter]
     fn seconds<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let seconds = PyDict::new(py);

@@ -5,7 +5,22 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyramap::SurfaceOffset;
 
-/// The inverse sensor model of Eq. 7.
+/// The inverse sensor model (Eq. 7): what one range reading says about the places along its ray.
+///
+/// With `a = k / (sigma sqrt(2 pi))` and `g = exp(-((z - z_j) / sigma)^2 / 2)`, the probability that distance `z` is
+/// occupied after a reading `z_j` is `0.3 + (a + 0.2) g` up to the reading and `0.5 + a g` beyond it. Its log-odd is zero
+/// already `sigma sqrt(2 ln((a + 0.2) / 0.2))` in front of the reading, 1.48 sigma for `k = sigma`; with
+/// `surface_offset="centred"` it is zero at the reading. Models compare by value, and can be pickled.
+///
+/// Args:
+///     sigma: Metres. A triple `(s0, s1, s2)` lets it grow with the range: `s0 + s1 z_j + s2 z_j^2`.
+///     k: Importance of a reading at range zero, metres; `k / sigma` is the same at every range, and between 0 and
+///         `sqrt(2 pi) / 2 = 1.2533`, so that probabilities stay between 0 and 1. Default: `sigma` at range zero.
+///     surface_offset: How far behind the reading the model places the surface, metres; 0 is the paper's model.
+///         "centred" moves it back by the distance above, so that a mesh at level 0 lies on the measured surface.
+///
+/// Raises:
+///     ValueError: If `sigma` is not positive at every range, `k` leaves its range, or the offset is not finite.
 #[pyclass(frozen, eq, module = "pyramap", from_py_object)]
 #[derive(Clone, Copy, PartialEq)]
 pub struct SensorModel(pub pyramap::SensorModel);
@@ -45,6 +60,7 @@ impl SensorModel {
         pyramap::SensorModel::new(sigma, k, surface_offset).map(Self).map_err(to_py)
     }
 
+    /// Sigma, metres: a float, or the triple of its growth with range.
     #[getter]
     fn sigma(&self) -> Sigma {
         match (self.0.sigma(), self.0.is_constant()) {
@@ -53,11 +69,13 @@ impl SensorModel {
         }
     }
 
+    /// Importance of a reading at range zero, metres.
     #[getter]
     fn k(&self) -> f64 {
         self.0.k()
     }
 
+    /// How far behind a reading the surface is placed, metres, or "centred".
     #[getter]
     fn surface_offset(&self) -> Offset {
         match self.0.surface_offset() {
@@ -66,6 +84,14 @@ impl SensorModel {
         }
     }
 
+    /// The log-odd that a reading gives to a place on its ray (Eq. 7 and 4).
+    ///
+    /// Args:
+    ///     distance: Of the place from the camera, metres.
+    ///     reading: The measured range, metres; `inf`, no return, says free.
+    ///
+    /// Returns:
+    ///     Natural log-odds: positive is occupied, negative free, near 0 well behind the reading.
     fn log_odds(&self, distance: f64, reading: f64) -> f64 {
         self.0.log_odds(distance, reading)
     }

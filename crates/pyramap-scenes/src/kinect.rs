@@ -47,7 +47,8 @@ pub fn kinect_noise(depth: &[f32], camera: &PinholeCamera, seed: u64) -> Result<
         for (u, noisy) in noisy.iter_mut().enumerate() {
             let pixel = v * width + u;
             let random = Random(stream.wrapping_add(pixel as u64));
-            if lit[u] && !image.is_edge(u, v) && image.cosine(u, v) > random.least_cosine() {
+            let steps = image.steps(u, v);
+            if lit[u] && !is_edge(steps) && image.squared_cosine(u, v, steps) > random.least_cosine().powi(2) {
                 *noisy = measured(f64::from(depth[pixel]), &random);
             }
         }
@@ -59,7 +60,9 @@ pub fn kinect_noise(depth: &[f32], camera: &PinholeCamera, seed: u64) -> Result<
 fn measured(z: f64, random: &Random) -> f32 {
     let sigma = 0.0012 + 0.0019 * (z - 0.4).powi(2);
     let disparity = DISPARITY / (z + sigma * random.normal());
-    let z = DISPARITY / ((disparity / DISPARITY_STEP).round() * DISPARITY_STEP);
+    // The cast cuts off what is behind the point.
+    let steps = (disparity / DISPARITY_STEP + 0.5) as u32;
+    let z = DISPARITY / (f64::from(steps) * DISPARITY_STEP);
     if (KINECT_RANGE[0]..=KINECT_RANGE[1]).contains(&z) { z as f32 } else { 0.0 }
 }
 
@@ -76,6 +79,10 @@ fn lit_by_projector(inverse_depths: &[f64]) -> Vec<bool> {
     lit
 }
 
+fn is_edge(steps: [[f64; 2]; 2]) -> bool {
+    steps.as_flattened().iter().any(|step| step.abs() * DISPARITY > EDGE_DISPARITY)
+}
+
 struct Image<'a> {
     /// `0` where there is no surface.
     inverse_depth: &'a [f64],
@@ -87,31 +94,30 @@ impl Image<'_> {
     /// image the one stands in for the other.
     fn steps(&self, u: usize, v: usize) -> [[f64; 2]; 2] {
         let PinholeCamera { width, height, .. } = *self.camera;
-        let at = |u: usize, v: usize| self.inverse_depth[v * width + u];
-        let w = at(u, v);
-        let before_u = (u > 0).then(|| w - at(u - 1, v));
-        let after_u = (u + 1 < width).then(|| at(u + 1, v) - w);
-        let before_v = (v > 0).then(|| w - at(u, v - 1));
-        let after_v = (v + 1 < height).then(|| at(u, v + 1) - w);
-        [(before_u, after_u), (before_v, after_v)]
-            .map(|(before, after)| [before.or(after).unwrap_or(0.0), after.or(before).unwrap_or(0.0)])
+        let pixel = v * width + u;
+        let along = |place: usize, side: usize, stride: usize| {
+            let step = |from: usize| self.inverse_depth[from + stride] - self.inverse_depth[from];
+            match (place > 0, place + 1 < side) {
+                (true, true) => [step(pixel - stride), step(pixel)],
+                (true, false) => [step(pixel - stride); 2],
+                (false, true) => [step(pixel); 2],
+                (false, false) => [0.0; 2],
+            }
+        };
+        [along(u, width, 1), along(v, height, width)]
     }
 
-    fn is_edge(&self, u: usize, v: usize) -> bool {
-        self.steps(u, v).as_flattened().iter().any(|step| step.abs() * DISPARITY > EDGE_DISPARITY)
-    }
-
-    /// Cosine of the angle between the ray and the normal of the surface. On a plane `w = n . d` with `d = (x, y, 1)`,
-    /// so the gradient in x and y is part of the normal `n`.
-    fn cosine(&self, u: usize, v: usize) -> f64 {
+    /// Square of the cosine of the angle between the ray and the normal of the surface. On a plane `w = n . d` with
+    /// `d = (x, y, 1)`, so the gradient in x and y is part of the normal `n`.
+    fn squared_cosine(&self, u: usize, v: usize, steps: [[f64; 2]; 2]) -> f64 {
         let PinholeCamera { width, fx, fy, cx, cy, .. } = *self.camera;
         // The smaller of two steps is likelier to stay on the surface.
-        let [along_u, along_v] = self.steps(u, v).map(|[a, b]| if a.abs() < b.abs() { a } else { b });
+        let [along_u, along_v] = steps.map(|[a, b]| if a.abs() < b.abs() { a } else { b });
+        let w = self.inverse_depth[v * width + u];
         let (x, y) = ((u as f64 - cx) / fx, (v as f64 - cy) / fy);
         let (nx, ny) = (along_u * fx, along_v * fy);
-        let w = self.inverse_depth[v * width + u];
         let nz = w - nx * x - ny * y;
-        w / ((nx * nx + ny * ny + nz * nz) * (x * x + y * y + 1.0)).sqrt()
+        w * w / ((nx * nx + ny * ny + nz * nz) * (x * x + y * y + 1.0))
     }
 }
 

@@ -81,11 +81,11 @@ fn scenes_agree_with_ray_casting_at_random_pixels() {
 }
 
 #[test]
-fn every_pixel_of_every_view_shows_a_point_on_a_surface() {
+fn every_pixel_shows_a_point_on_a_surface() {
     let mut random = Random(3);
     for scene in [box_scene(), spheres(), office_loop()] {
         let camera = scene.camera();
-        for pose in scene.poses().iter().step_by(3) {
+        for pose in scene.poses().iter().step_by(7) {
             let depth = scene.render(camera, pose);
             assert!(depth.iter().all(|&z| z > 0.0), "the shell of {} has a hole", scene.name());
             let points: Vec<_> = (0..200)

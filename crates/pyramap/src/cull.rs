@@ -193,8 +193,9 @@ pub fn cull<R: Reads>(scope: &Scope<R>) -> Culled {
     let (low, high) = frustum_blocks(scope.view);
     let extent = (0..3).map(|axis| high[axis] - low[axis] + 1).max().expect("three axes");
     let levels = (extent / ROOTS_ALONG_FRUSTUM).max(1).ilog2();
-    let cubes: Vec<Cube> =
-        (0..=levels).map(|level| Cube::new::<R>(scope.view, f64::from(BLOCK_EDGE as i32) * f64::from(1 << level))).collect();
+    let cubes: Vec<Cube> = (0..=levels)
+        .map(|level| Cube::new::<R>(scope.view, f64::from(BLOCK_EDGE as i32) * f64::from(1 << level)))
+        .collect();
     let edge = 1 << levels;
     let roots: Vec<BlockKey> = (low[0].div_euclid(edge)..=high[0].div_euclid(edge))
         .flat_map(|x| (low[1].div_euclid(edge)..=high[1].div_euclid(edge)).map(move |y| [x, y]))

@@ -12,7 +12,7 @@
 //! equal maps give equal bytes whatever way they came about. Nothing that the file says of its own size is trusted:
 //! memory is taken for what was read, and a block section cannot unpack to more than its 4096 blocks can hold.
 
-use crate::block::{BLOCK_VOXELS, Block, BlockData, BlockKey, Blocks, MAX_BLOCK};
+use crate::block::{BLOCK_VOXELS, Block, BlockKey, Blocks, MAX_BLOCK};
 use crate::directory::uniform_value;
 use crate::error::{Error, Result};
 use crate::grid::{GridConfig, OccupancyGrid};
@@ -138,19 +138,19 @@ impl OccupancyGrid {
                 (tag, _) => return damage(format!("unknown section {:?}", String::from_utf8_lossy(&tag))),
             }
         }
-        let blocks: Vec<Vec<_>> = sections.par_iter().map(|payload| unpack(payload)).collect::<std::result::Result<_, _>>()?;
-        let blocks: Vec<_> = blocks.into_iter().flatten().collect();
-        if blocks.len() as u64 != head.num_blocks {
-            return damage(format!("holds {} blocks, its head says {}", blocks.len(), head.num_blocks));
+        let sections: Vec<Vec<Record>> =
+            sections.par_iter().map(|payload| unpack(payload)).collect::<std::result::Result<_, _>>()?;
+        let records: Vec<Record> = sections.into_iter().flatten().collect();
+        if records.len() as u64 != head.num_blocks {
+            return damage(format!("holds {} blocks, its head says {}", records.len(), head.num_blocks));
         }
-        if !blocks.is_sorted_by(|(a, _), (b, _)| a < b) {
+        if !records.is_sorted_by(|a, b| a.key < b.key) {
             return damage("blocks are not in order");
         }
-        if let Some((key, _)) = blocks.iter().find(|(key, _)| key.iter().any(|k| k.unsigned_abs() > MAX_BLOCK)) {
-            return damage(format!("block {key:?} lies beyond the coordinates of any map"));
-        }
         let mut grid = Self::new(head.config).map_err(Damage::Parameter)?;
-        grid.restore(blocks, head.num_frames, head.saturated);
+        let blocks = records.iter().map(|record| Ok((record.key, record.block()?)));
+        let blocks: Vec<_> = blocks.collect::<std::result::Result<_, _>>()?;
+        grid.restore(blocks.into_iter(), head.num_frames, head.saturated);
         Ok(grid)
     }
 }
@@ -165,27 +165,36 @@ fn damage<T>(reason: impl Into<String>) -> std::result::Result<T, Damage> {
     Err(Damage::Reason(reason.into()))
 }
 
-fn unpack(payload: &[u8]) -> std::result::Result<Vec<(BlockKey, Box<BlockData>)>, Damage> {
+fn unpack(payload: &[u8]) -> std::result::Result<Vec<Record>, Damage> {
     let mut plain = Vec::new();
     let decoder = zstd::stream::Decoder::with_buffer(payload);
-    let mut limited = decoder.or_else(|e| damage(format!("blocks do not unpack: {e}")))?.take(MAX_SECTION_BYTES as u64 + 1);
+    let mut limited =
+        decoder.or_else(|e| damage(format!("blocks do not unpack: {e}")))?.take(MAX_SECTION_BYTES as u64 + 1);
     limited.read_to_end(&mut plain).or_else(|e| damage(format!("blocks do not unpack: {e}")))?;
     if plain.len() > MAX_SECTION_BYTES {
         return damage("a section of blocks is larger than any map writes");
     }
     let records: Vec<Record> = postcard::from_bytes(&plain).or_else(|e| damage(format!("unreadable blocks: {e}")))?;
-    records
-        .into_iter()
-        .map(|Record { key, content }| match content {
-            Content::Uniform(value) => Ok((key, Box::new([value; BLOCK_VOXELS]))),
-            Content::Dense(values) => {
-                let count = values.len();
-                values.into_boxed_slice().try_into().map(|values| (key, values)).or_else(|_| {
-                    damage(format!("block {key:?} has {count} voxels, expected {BLOCK_VOXELS}"))
-                })
-            }
-        })
-        .collect()
+    if records.len() > BLOCKS_IN_SECTION {
+        return damage("a section of blocks is larger than any map writes");
+    }
+    Ok(records)
+}
+
+impl Record {
+    fn block(&self) -> std::result::Result<Block<'_>, Damage> {
+        let key = self.key;
+        if key.iter().any(|k| k.unsigned_abs() > MAX_BLOCK) {
+            return damage(format!("block {key:?} lies beyond the coordinates of any map"));
+        }
+        match &self.content {
+            Content::Uniform(value) => Ok(Block::Uniform(*value)),
+            Content::Dense(values) => match values.as_slice().try_into() {
+                Ok(values) => Ok(Block::Dense(values)),
+                Err(_) => damage(format!("block {key:?} has {} voxels, expected {BLOCK_VOXELS}", values.len())),
+            },
+        }
+    }
 }
 
 fn put_section(out: &mut Vec<u8>, tag: [u8; 4], payload: &[u8]) {

@@ -8,7 +8,7 @@ use crate::cpu::CpuBackend;
 use crate::depth::DepthImage;
 use crate::directory::{self, Directory, Entry, uniform_value};
 use crate::error::{Error, Result};
-use crate::log_odds;
+use crate::log_odds::{self, UNIT};
 use crate::pose::Pose;
 use crate::ranges::BeyondMaxRange;
 use crate::sensor::{SensorModel, SensorTable};
@@ -82,14 +82,18 @@ impl GridConfig {
             });
         }
         check("prior", prior, prior > 0.0 && prior < 1.0, "a probability between 0 and 1")?;
+        self.sensor_model.validate()?;
         if let Some((low, high)) = self.clamp {
             let l_0 = log_odds::from_probability(prior);
-            // The ends must differ from the prior, or everything seen would look like what was never seen.
-            if !(low < l_0 && l_0 < high && low.is_finite() && high.is_finite()) {
+            // What is stored must not be 0 at either end, or everything seen would look like what was never seen.
+            let limits = self.limits();
+            if !(limits.low < 0 && limits.high > 0 && low.is_finite() && high.is_finite()) {
                 return Err(Error::Parameter {
                     name: "clamp",
                     got: format!("({low}, {high})"),
-                    expected: format!("two finite log-odds, one below and one above that of the prior, {l_0}"),
+                    expected: format!(
+                        "two finite log-odds, one at least {UNIT} below and one as much above that of the prior, {l_0}"
+                    ),
                 });
             }
         }
@@ -210,23 +214,19 @@ impl OccupancyGrid {
         let touched: Vec<BlockKey> = dense.iter().map(|&(key, _)| key).collect();
         let commit = Commit { uniform, dense, sign, limits: config.limits(), directory: &mut self.directory };
         stats.saturated = commit.apply(backend, config.max_bytes)?;
-        if sign < 0 {
-            self.collapse(&touched);
-        }
+        self.collapse(&touched);
         watch.lap(|seconds| &mut seconds.commit);
 
         stats.seconds = watch.seconds();
-        self.saturated += stats.saturated;
-        self.num_frames += i64::from(sign);
+        self.saturated = self.saturated.saturating_add(stats.saturated);
+        self.num_frames = self.num_frames.saturating_add(i64::from(sign));
         Ok(stats)
     }
 
     fn check_position(&self, pose: &Pose) -> Result<()> {
         let limit = self.config.coordinate_limit();
         match pose.translation.iter().find(|c| c.abs() > limit) {
-            Some(&got) => {
-                Err(Error::OutOfBounds { what: "camera", got, limit, voxel_size: self.config.voxel_size })
-            }
+            Some(&got) => Err(Error::OutOfBounds { what: "camera", got, limit, voxel_size: self.config.voxel_size }),
             None => Ok(()),
         }
     }
@@ -272,7 +272,9 @@ impl OccupancyGrid {
 
         let limits = self.config.limits();
         for &key in other.directory.keys() {
-            let (Some(theirs), mine) = (other.block(key), self.block(key).unwrap_or(Block::Uniform(0))) else { continue };
+            let (Some(theirs), mine) = (other.block(key), self.block(key).unwrap_or(Block::Uniform(0))) else {
+                continue;
+            };
             let mut lost = 0;
             let sums: BlockData = std::array::from_fn(|i| {
                 let (sum, overflow) = limits.add(mine.value(i), theirs.value(i));
@@ -280,10 +282,10 @@ impl OccupancyGrid {
                 sum
             });
             self.set_block(key, &sums);
-            self.saturated += lost;
+            self.saturated = self.saturated.saturating_add(lost);
         }
-        self.num_frames += other.num_frames;
-        self.saturated += other.saturated;
+        self.num_frames = self.num_frames.saturating_add(other.num_frames);
+        self.saturated = self.saturated.saturating_add(other.saturated);
         Ok(())
     }
 
@@ -308,8 +310,18 @@ impl OccupancyGrid {
     }
 
     /// Rebuilds a map from what a file holds.
-    pub(crate) fn restore(&mut self, blocks: Vec<(BlockKey, Box<BlockData>)>, num_frames: i64, saturated: u64) {
-        blocks.iter().for_each(|(key, values)| self.set_block(*key, values));
+    pub(crate) fn restore<'a>(
+        &mut self,
+        blocks: impl Iterator<Item = (BlockKey, Block<'a>)>,
+        num_frames: i64,
+        saturated: u64,
+    ) {
+        for (key, block) in blocks {
+            match block {
+                Block::Uniform(value) => set_uniform(&mut self.directory, key, value),
+                Block::Dense(values) => self.set_block(key, values),
+            }
+        }
         (self.num_frames, self.saturated) = (num_frames, saturated);
     }
 

@@ -75,11 +75,15 @@ impl Pyramid {
             (layer.width, layer.height) = (width, height);
             layer.values.resize(width * height, 0.0);
             layer.values.par_chunks_mut(width).with_min_len(64).enumerate().for_each(|(b, row)| match selection {
-                Selection::Nearest => row.iter_mut().enumerate().for_each(|(a, out)| *out = nearest(extremes, a, b, t_i)),
+                Selection::Nearest => {
+                    row.iter_mut().enumerate().for_each(|(a, out)| *out = nearest(extremes, a, b, t_i))
+                }
                 Selection::Minimum => {
                     let row_of = b * width..(b + 1) * width;
                     let min_max = extremes[i].min[row_of.clone()].iter().zip(&extremes[i].max[row_of]);
-                    row.iter_mut().zip(min_max).for_each(|(out, (&min, &max))| *out = if max > 0.0 { min } else { 0.0 });
+                    row.iter_mut()
+                        .zip(min_max)
+                        .for_each(|(out, (&min, &max))| *out = if max > 0.0 { min } else { 0.0 });
                 }
             });
         }

@@ -19,13 +19,13 @@ pub enum State {
 }
 
 impl OccupancyGrid {
-    /// Log-odds at world points, metres: evidence plus prior, and exactly the prior where unknown.
+    /// Log-odds at world points, metres: evidence plus prior, and 0 where unknown, as in [`Self::block_log_odds`].
     ///
     /// # Errors
     /// [`Error::Parameter`] naming the first point that is not finite.
     pub fn log_odds(&self, points: &[[f64; 3]]) -> Result<Vec<f32>> {
         let l_0 = self.prior_log_odds();
-        self.at(points, |evidence| (log_odds::from_fixed(evidence) + l_0) as f32)
+        self.at(points, |evidence| known_log_odds(evidence, l_0))
     }
 
     /// Probabilities of being occupied at world points (Eq. 5); the prior where unknown.
@@ -61,12 +61,13 @@ impl OccupancyGrid {
     /// prior elsewhere.
     pub fn block_log_odds(&self, keys: &[BlockKey]) -> Vec<f32> {
         let l_0 = self.prior_log_odds();
-        let value = |evidence| if evidence == 0 { 0.0 } else { (log_odds::from_fixed(evidence) + l_0) as f32 };
         let mut out = vec![0.0; keys.len() * BLOCK_VOXELS];
         out.par_chunks_mut(BLOCK_VOXELS).zip(keys).for_each(|(out, &key)| match self.block(key) {
             None => {}
-            Some(Block::Uniform(evidence)) => out.fill(value(evidence)),
-            Some(Block::Dense(values)) => out.iter_mut().zip(values).for_each(|(out, &e)| *out = value(e)),
+            Some(Block::Uniform(evidence)) => out.fill(known_log_odds(evidence, l_0)),
+            Some(Block::Dense(values)) => {
+                out.iter_mut().zip(values).for_each(|(out, &e)| *out = known_log_odds(e, l_0))
+            }
         });
         out
     }
@@ -95,11 +96,13 @@ impl OccupancyGrid {
     }
 }
 
+fn known_log_odds(evidence: i32, l_0: f64) -> f32 {
+    if evidence == 0 { 0.0 } else { (log_odds::from_fixed(evidence) + l_0) as f32 }
+}
+
 /// Centre of a voxel of a block, metres.
 pub fn voxel_centre(key: BlockKey, [x, y, z]: [usize; 3], voxel_size: f64) -> [f64; 3] {
     debug_assert!(voxel_offset(x, y, z) < BLOCK_VOXELS);
     let within = [x, y, z];
-    std::array::from_fn(|axis| {
-        (f64::from(key[axis]) * BLOCK_EDGE as f64 + within[axis] as f64 + 0.5) * voxel_size
-    })
+    std::array::from_fn(|axis| (f64::from(key[axis]) * BLOCK_EDGE as f64 + within[axis] as f64 + 0.5) * voxel_size)
 }

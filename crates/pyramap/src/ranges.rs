@@ -31,6 +31,15 @@ pub struct Ranges {
 }
 
 impl Ranges {
+    /// Measurements that are distances already, as a time-of-flight camera gives them.
+    ///
+    /// # Panics
+    /// If there are not `width * height` values.
+    pub fn from_values(width: usize, height: usize, values: Vec<f32>) -> Self {
+        assert_eq!(values.len(), width * height, "ranges of a {height} x {width} image");
+        Self { width, height, values, ..Self::default() }
+    }
+
     /// Computes the measurements of a depth image into this buffer.
     ///
     /// # Errors
@@ -65,11 +74,7 @@ impl Ranges {
                 let range = |depth: f32, per_depth: f32| {
                     let range = depth * per_depth;
                     let range = if range > 0.0 { range } else { 0.0 };
-                    if range > max_range {
-                        if range == f32::INFINITY { range } else { beyond }
-                    } else {
-                        range
-                    }
+                    if range > max_range { if range == f32::INFINITY { range } else { beyond } } else { range }
                 };
                 let lanes = out.iter_mut().zip(range_per_depth);
                 match image.depth {
@@ -106,9 +111,10 @@ impl Ranges {
         (self.width, self.height) = (camera.width, camera.height);
         self.values.resize(camera.width * camera.height, 0.0);
         self.range_per_depth.clear();
-        self.range_per_depth.extend((0..camera.height).flat_map(|v| {
-            (0..camera.width).map(move |u| camera.range_per_depth(u as f64, v as f64) as f32)
-        }));
+        self.range_per_depth.extend(
+            (0..camera.height)
+                .flat_map(|v| (0..camera.width).map(move |u| camera.range_per_depth(u as f64, v as f64) as f32)),
+        );
         self.camera = Some(*camera);
     }
 }
@@ -146,9 +152,7 @@ mod tests {
         let double = raw.map(|v: u16| f64::from(v) / 1000.0);
         let run = |depth| {
             let mut ranges = Ranges::default();
-            ranges
-                .compute(&DepthImage::new(depth, 3, 2).unwrap(), &camera, 5.0, BeyondMaxRange::Free)
-                .unwrap();
+            ranges.compute(&DepthImage::new(depth, 3, 2).unwrap(), &camera, 5.0, BeyondMaxRange::Free).unwrap();
             ranges.values
         };
         assert_eq!(run(Depth::F32(&metres)), run(Depth::U16 { values: &raw, scale: 1000.0 }));

@@ -71,6 +71,11 @@ impl SensorModel {
         Ok(Self { sigma, k_per_sigma, surface_offset })
     }
 
+    /// Checks a model that came from outside, where nobody asked [`SensorModel::new`].
+    pub(crate) fn validate(&self) -> Result<()> {
+        Self::new(self.sigma, Some(self.k()), self.surface_offset).map(|_| ())
+    }
+
     /// The paper's model: one `sigma` for all ranges, `k = sigma`, no offset.
     ///
     /// # Errors
@@ -185,9 +190,8 @@ impl SensorTable {
             Self::INTERVALS => 0.0,
             _ => model.log_odds_at(cutoff * (2.0 * i as f64 / Self::INTERVALS as f64 - 1.0)) as f32,
         };
-        let entries = (0..=Self::INTERVALS)
-            .map(|i| [at(i), if i < Self::INTERVALS { at(i + 1) - at(i) } else { 0.0 }])
-            .collect();
+        let entries =
+            (0..=Self::INTERVALS).map(|i| [at(i), if i < Self::INTERVALS { at(i + 1) - at(i) } else { 0.0 }]).collect();
         let cutoff = cutoff as f32;
         let intervals_per_sigma = Self::INTERVALS as f32 / (2.0 * cutoff);
         Self { entries, cutoff, intervals_per_sigma, free: model.free_log_odds() as f32 }

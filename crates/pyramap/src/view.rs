@@ -69,9 +69,8 @@ impl View {
 
     /// Eight vectors, given in voxels along the world's axes, in the camera's frame.
     pub fn voxel_offsets(&self, offset: impl Fn(usize) -> [f64; 3]) -> Points {
-        let lanes = std::array::from_fn::<_, 8, _>(|lane| {
-            self.to_camera(&(Vector3::from(offset(lane)) * self.voxel_size))
-        });
+        let lanes =
+            std::array::from_fn::<_, 8, _>(|lane| self.to_camera(&(Vector3::from(offset(lane)) * self.voxel_size)));
         Points { x: lanes.map(|p| p[0]), y: lanes.map(|p| p[1]), z: lanes.map(|p| p[2]) }
     }
 }

@@ -22,6 +22,8 @@ app = typer.Typer(
     help="Probabilistic 3D occupancy maps from depth images.",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
+    rich_markup_mode="markdown",
+    add_completion=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 

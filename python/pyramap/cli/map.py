@@ -74,8 +74,8 @@ def map_dataset(
 ) -> None:
     """Fuse the frames of DATASET into a map, and make a mesh and pictures of it.
 
-    Ctrl-C stops after the frame in work; with --output the map so far is kept (meshes and pictures are left to `pyramap
-    mesh` and `pyramap slice`). The same holds when an error ends the run early.
+    Ctrl-C stops after the frame in work. With `--output` the map so far is kept, and `pyramap mesh` and `pyramap slice`
+    make the rest of it. The same holds when an error ends the run early.
     """
     products = Products(output, mesh, png, inside_png, slice_png)
     check_writable(products.paths())

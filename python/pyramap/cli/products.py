@@ -63,9 +63,7 @@ def write_products(
         if products.inside:
             draw_mesh(products.inside, mesh, pictures.from_pose(poses[0]))
     if products.slice:
-        axis, at = eye_level(poses)
-        facts["slice"] = {"axis": pictures.AXES[axis], "at": at}
-        draw_slice(products.slice, grid, axis, at)
+        facts["slice"] = draw_slice(products.slice, grid, *eye_level(poses))
     facts["files"] = file_sizes(products.paths())
     return facts
 
@@ -87,10 +85,12 @@ def draw_mesh(path: Path, mesh: Mesh, view: pictures.View, hide_backs: bool = Tr
         write_picture(path, pictures.with_scale_bar(image, view))
 
 
-def draw_slice(path: Path, grid: OccupancyGrid, axis: int, at: float) -> None:
-    """Write a picture of the slice of a map at `at` metres along an axis."""
+def draw_slice(path: Path, grid: OccupancyGrid, axis: int, at: float) -> Facts:
+    """Write a picture of the slice of a map at `at` metres along an axis; say where the layer's centre lies."""
     with working_on("drawing the slice"):
-        write_picture(path, pictures.slice_image(pictures.cut(grid, axis, at)))
+        layer = pictures.cut(grid, axis, at)
+        write_picture(path, pictures.slice_image(layer))
+    return {"axis": pictures.AXES[axis], "at": layer.at}
 
 
 def guess_up(mesh: Mesh, poses: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:

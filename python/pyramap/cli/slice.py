@@ -35,8 +35,7 @@ def slice_map(
         if grid.bounds is None:
             raise ValueError(f"{file}: the map is empty: there is nothing to slice")
         at = float(grid.bounds[:, index].mean())
-    draw_slice(output, grid, index, at)
-    facts = {"slice": {"axis": axis.value, "at": at}, "files": file_sizes([output])}
+    facts = {"slice": draw_slice(output, grid, index, at), "files": file_sizes([output])}
     if as_json:
         print_json(facts)
     else:

@@ -16,14 +16,14 @@ from .views import View, area_vectors
 Floats = NDArray[np.float32]
 
 BACKGROUND = (255, 255, 255)
-FRONT = (237, 230, 217)
+FRONT = (246, 240, 228)
 """Surface seen from free space: a warm white."""
 BACK = (115, 140, 184)
 """Surface seen from behind: blue."""
 
-_AMBIENT, _DIFFUSE = 0.25, 0.85
 _LIGHT = np.array([-0.33, -0.25, -0.91])
-"""Direction to the light in picture axes (right, down, forward): a headlight a little to the left."""
+"""Direction to the light in picture axes (right, down, forward): a headlight a little above and to the left."""
+_WRAP = 1.2
 _SUPERSAMPLING = 2
 _OCCLUSION_REACH = 0.03
 """How far corners and contacts darken, relative to the diagonal of the mesh."""
@@ -42,7 +42,7 @@ def mesh_image(
     normals: ArrayLike | None = None,
     hide_backs: bool = True,
 ) -> NDArray[np.uint8]:
-    """Draw a mesh: Lambert shading, darker in corners and near contacts, antialiased, on white.
+    """Draw a mesh: shaded by a soft headlight, darker in corners and near contacts, antialiased, on white.
 
     Args:
         vertices: (V, 3) metres.
@@ -120,8 +120,9 @@ class _Surface:
         from_behind = np.sum(flat * looking, axis=1) > 0
         side = np.where(from_behind, -1, 1).astype(np.float32)[:, None]
         shading = flat if self.normals is None else self._smooth(hits, met)
-        lambert = np.maximum(np.sum(shading * side * (view.axes @ _LIGHT).astype(np.float32), axis=1), 0)
-        brightness = np.minimum(_AMBIENT + _DIFFUSE * lambert, 1)
+        cosine = np.sum(shading * side * (view.axes @ _LIGHT).astype(np.float32), axis=1)
+        # Lambert's law wrapped round: grazing surfaces keep some light, so that none is lost in black.
+        brightness = ((1 + np.clip(cosine, -1, 1)) / 2) ** _WRAP
         colours[met] = np.where(from_behind[:, None], BACK, FRONT) * brightness[:, None]
         positions[met] = starts[met] + hits["tfar"][met, None] * looking
         facing[met] = flat * side

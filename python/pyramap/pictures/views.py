@@ -17,10 +17,10 @@ _ENOUGH_FACES = 200_000
 """A statistic over directions needs no more faces than this."""
 
 
-INSIDE_SIZE = (1600, 1200)
-"""Pixels of a perspective picture."""
-INSIDE_ANGLE_DEG = 75.0
-"""Its horizontal angle of view: wide enough for a room."""
+SIZE = (1600, 1200)
+"""Width and height of pictures, pixels."""
+ANGLE_DEG = 75.0
+"""Horizontal angle of a perspective view: wide enough for a room."""
 
 
 @dataclass(frozen=True)
@@ -78,33 +78,33 @@ def up_from_poses(poses: Iterable[ArrayLike]) -> NDArray[np.float64]:
 
 
 def up_from_mesh(vertices: ArrayLike, faces: ArrayLike) -> NDArray[np.float64]:
-    """Guess which of the six axis directions is up: the one that most of the surface faces.
+    """Guess which way is up: of the three directions that worlds have for it, the one that most of the surface faces.
 
-    Depth cameras see floors and table tops from above, and their undersides hardly ever.
+    These are z (robots), y (graphics), and -y (the first camera's axes are the world's). Depth cameras see floors and
+    table tops from above, and their undersides hardly ever.
 
     Args:
         vertices: (V, 3) metres.
         faces: (F, 3) vertex indices, anticlockwise seen from free space.
 
     Returns:
-        (3,) unit vector.
+        (3,) unit vector; z for a mesh without faces.
     """
     areas = area_vectors(np.asarray(vertices), np.asarray(faces))
-    lengths = np.linalg.norm(areas, axis=1)
-    candidates = np.concatenate([np.eye(3), -np.eye(3)])
+    candidates = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [0.0, -1.0, 0.0]])
     along = areas @ candidates.T
-    within_30_degrees = along > math.cos(math.radians(30)) * lengths[:, None]
+    within_30_degrees = along > math.cos(math.radians(30)) * np.linalg.norm(areas, axis=1)[:, None]
     return np.asarray(candidates[np.argmax(np.sum(along * within_30_degrees, axis=0))])
 
 
-def overview(vertices: ArrayLike, faces: ArrayLike, up: ArrayLike = (0, 0, 1), size: int = 1600) -> View:
-    """A view from obliquely above, parallel rays, turned so that as much front surface as can be fills the picture.
+def overview(vertices: ArrayLike, faces: ArrayLike, up: ArrayLike = (0, 0, 1), size: tuple[int, int] = SIZE) -> View:
+    """A view from obliquely above, parallel rays, turned so that it shows much front surface, and shows it large.
 
     Args:
         vertices: (V, 3) metres.
         faces: (F, 3) vertex indices, anticlockwise seen from free space.
         up: (3,) direction, any length.
-        size: Longer side of the picture in pixels.
+        size: Most pixels in width and height; the picture is cut to what it shows.
 
     Raises:
         ValueError: The mesh has no faces, or `up` is not a finite direction.
@@ -114,28 +114,29 @@ def overview(vertices: ArrayLike, faces: ArrayLike, up: ArrayLike = (0, 0, 1), s
         raise ValueError("the mesh has no faces: there is nothing to look at")
     some = faces[:: max(1, len(faces) // _ENOUGH_FACES)]
     areas = area_vectors(vertices, some)
+    sizes = np.linalg.norm(areas, axis=1)
     centres = vertices[some].mean(axis=1)
 
-    def fill(axes: NDArray[np.float64]) -> float:
-        facing = np.maximum(-areas @ axes[:, 2], 0.0)
-        extent = np.ptp(centres @ axes[:, :2], axis=0)
-        return float(facing.sum() / max(extent[0] * extent[1], 1e-12))
+    def shown(axes: NDArray[np.float64]) -> float:
+        """Area of front surface, that seen face on most (cosine squared), times how large it appears."""
+        cosines = np.maximum(-areas @ axes[:, 2], 0.0) / np.maximum(sizes, 1e-20)
+        return float(sizes @ cosines**2) * _scale(np.ptp(centres @ axes[:, :2], axis=0), size)
 
-    axes = max((_looking_down(_unit(up), math.radians(degrees)) for degrees in range(0, 360, 15)), key=fill)
-    seen = vertices[np.unique(some)] @ axes
-    low, high = seen.min(axis=0), seen.max(axis=0)
-    extent = np.maximum((high - low) * _MARGIN, 1e-3)
+    axes = max((_looking_down(_unit(up), math.radians(degrees)) for degrees in range(0, 360, 15)), key=shown)
+    corners = vertices[np.unique(some)] @ axes
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    extent = (high - low)[:2] * _MARGIN
+    scale = _scale(extent, size)
+    pixels = (max(1, round(extent[0] * scale)), max(1, round(extent[1] * scale)))
     # Half the depth of the scene in front of its nearest point: parallel rays need only start outside.
     start = np.array([*(low + high)[:2] / 2, low[2] - 0.5 * (high[2] - low[2]) - 1e-3])
-    scale = size / max(extent[0], extent[1])
-    pixels = (max(1, math.ceil(extent[0] * scale)), max(1, math.ceil(extent[1] * scale)))
     return View(eye=axes @ start, axes=axes, width=pixels[0] / scale, size=pixels)
 
 
 def from_pose(
     world_from_camera: ArrayLike,
-    size: tuple[int, int] = INSIDE_SIZE,
-    angle_deg: float = INSIDE_ANGLE_DEG,
+    size: tuple[int, int] = SIZE,
+    angle_deg: float = ANGLE_DEG,
     back: float = 0.5,
 ) -> View:
     """A perspective view as a camera has it: inside the map.
@@ -156,8 +157,8 @@ def looking_at(
     eye: ArrayLike,
     target: ArrayLike,
     up: ArrayLike = (0, 0, 1),
-    size: tuple[int, int] = INSIDE_SIZE,
-    angle_deg: float = INSIDE_ANGLE_DEG,
+    size: tuple[int, int] = SIZE,
+    angle_deg: float = ANGLE_DEG,
 ) -> View:
     """A perspective view from one point towards another.
 
@@ -191,6 +192,11 @@ def _looking_down(up: NDArray[np.float64], azimuth: float) -> NDArray[np.float64
     forward = math.cos(elevation) * heading - math.sin(elevation) * up
     right = np.cross(forward, up) / math.cos(elevation)
     return np.stack([right, np.cross(forward, right), forward], axis=1)
+
+
+def _scale(extent: NDArray[np.float64], size: tuple[int, int]) -> float:
+    """Pixels a metre, so that an extent in metres fits into a picture."""
+    return min(pixels / max(metres, 1e-3) for pixels, metres in zip(size, extent, strict=True))
 
 
 def _unit(vector: ArrayLike) -> NDArray[np.float64]:

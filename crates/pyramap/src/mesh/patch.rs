@@ -1,114 +1,13 @@
 //! One block's part of the surface: which of its edges carry a vertex, which of its cells draw, and the vertices.
-//!
-//! Voxels are taken as bits, a slab of constant `x` at a time, so that one operation treats all cells of a slab.
 
 use super::ones;
+use super::sides::{BlockSlab, SLAB, Sides, Surface};
 use crate::block::{BLOCK_EDGE, Block, BlockKey, voxel_offset};
-
-/// The surface sought, in fixed-point evidence.
-pub(super) struct Surface {
-    /// Evidence on the surface, within the range of `i32`.
-    pub level: f64,
-    /// The least evidence, up or down, that counts as known; at least 1.
-    pub min_evidence: u32,
-    /// Edge of a voxel, metres.
-    pub voxel_size: f64,
-}
-
-impl Surface {
-    #[inline]
-    fn is_known(&self, evidence: i32) -> bool {
-        evidence.unsigned_abs() >= self.min_evidence
-    }
-
-    /// Whether evidence lies above the level; no integer lies between the level and its floor.
-    #[inline]
-    fn is_inside(&self, evidence: i32) -> bool {
-        evidence > self.level.floor() as i32
-    }
-}
 
 /// How near to a voxel's centre a vertex may come, in voxels. Were it to reach the centre, vertices of several edges
 /// would coincide there and triangles collapse; at this distance they differ in `f32` up to 2^14 voxels from the
 /// origin. Moving a vertex that far is nothing against the accuracy of a map.
 const MARGIN: f64 = 1.0 / 256.0;
-
-/// One bit for each voxel of a slab of a block: bit `8 y + z`.
-type BlockSlab = u64;
-
-/// Which voxels of a block are known, and which of those lie inside and outside the surface.
-#[derive(Clone, Copy)]
-pub(super) struct Sides {
-    inside: [BlockSlab; BLOCK_EDGE],
-    outside: [BlockSlab; BLOCK_EDGE],
-    /// See [`Self::may_cross`].
-    inside_parts: u8,
-    outside_parts: u8,
-}
-
-impl Sides {
-    pub const UNKNOWN: Self =
-        Self { inside: [0; BLOCK_EDGE], outside: [0; BLOCK_EDGE], inside_parts: 0, outside_parts: 0 };
-    const INSIDE: Self = Self { inside: [BlockSlab::MAX; BLOCK_EDGE], inside_parts: u8::MAX, ..Self::UNKNOWN };
-    const OUTSIDE: Self = Self { outside: [BlockSlab::MAX; BLOCK_EDGE], outside_parts: u8::MAX, ..Self::UNKNOWN };
-
-    pub fn of(block: &Block, surface: &Surface) -> Self {
-        match *block {
-            Block::Uniform(evidence) if !surface.is_known(evidence) => Self::UNKNOWN,
-            Block::Uniform(evidence) if surface.is_inside(evidence) => Self::INSIDE,
-            Block::Uniform(_) => Self::OUTSIDE,
-            Block::Dense(values) => {
-                let slabs = |test: &dyn Fn(&[i32; SLAB]) -> BlockSlab| {
-                    let mut slabs = values.as_chunks().0.iter().map(test);
-                    [(); BLOCK_EDGE].map(|()| slabs.next().expect("a block has 8 slabs"))
-                };
-                let known = slabs(&|slab| bits(slab, |evidence| surface.is_known(evidence)));
-                let above = slabs(&|slab| bits(slab, |evidence| surface.is_inside(evidence)));
-                let inside = std::array::from_fn(|x| known[x] & above[x]);
-                let outside = std::array::from_fn(|x| known[x] & !above[x]);
-                Self { inside, outside, inside_parts: parts(&inside), outside_parts: parts(&outside) }
-            }
-        }
-    }
-
-    pub fn any_known(&self) -> bool {
-        self.inside_parts | self.outside_parts != 0
-    }
-
-    /// Whether cells of a block may cross the surface, from the blocks that they reach: those at the offsets
-    /// `(dx, dy, dz)` of 0 or 1, numbered `4 dx + 2 dy + dz`.
-    pub fn may_cross(behind: &[&Self; 8]) -> bool {
-        let any = |parts: fn(&Self) -> u8| behind.iter().enumerate().any(|(d, sides)| parts(sides) >> d & 1 == 1);
-        any(|sides| sides.inside_parts) && any(|sides| sides.outside_parts)
-    }
-}
-
-/// Voxels in a slab.
-const SLAB: usize = BLOCK_EDGE * BLOCK_EDGE;
-
-/// The voxels of a slab that pass a test.
-fn bits(slab: &[i32; SLAB], test: impl Fn(i32) -> bool) -> BlockSlab {
-    let flags: [u8; SLAB] = std::array::from_fn(|i| u8::from(test(slab[i])));
-    let mut rows = [0; BLOCK_EDGE];
-    for (row, flags) in rows.iter_mut().zip(flags.as_chunks().0) {
-        // The product moves flag z from bit 8z to bit 56 + z, and no two other terms to the same bit.
-        *row = (u64::from_le_bytes(*flags).wrapping_mul(0x0102_0408_1020_4080) >> 56) as u8;
-    }
-    BlockSlab::from_le_bytes(rows)
-}
-
-/// Bit `4 dx + 2 dy + dz` says that a voxel is set where the block at `-(dx, dy, dz)` has cells that reach it: those
-/// with `x = 0` if `dx = 1`, and so on.
-fn parts(slabs: &[BlockSlab; BLOCK_EDGE]) -> u8 {
-    let all = slabs.iter().fold(0, |all, slab| all | slab);
-    let reached = |d: usize| {
-        let slab = if d & 4 != 0 { slabs[0] } else { all };
-        let row = if d & 2 != 0 { 0xFF } else { BlockSlab::MAX };
-        let column = if d & 1 != 0 { 0x0101_0101_0101_0101 } else { BlockSlab::MAX };
-        slab & row & column
-    };
-    (0..8).fold(0, |parts, d| parts | u8::from(reached(d) != 0) << d)
-}
 
 /// A set of edges of the grid that start in one block, and their order: by axis, then by first voxel.
 pub(super) struct EdgeSet {
@@ -134,7 +33,7 @@ impl EdgeSet {
     /// The position in the set of the edge that runs along an axis from the voxel at an offset.
     #[inline]
     pub fn position(&self, axis: u8, offset: usize) -> u32 {
-        let (x, bit) = (offset / 64, offset % 64);
+        let (x, bit) = (offset / SLAB, offset % SLAB);
         let slab = self.slabs[usize::from(axis)][x];
         u32::from(self.before[usize::from(axis)][x]) + (slab & ((1 << bit) - 1)).count_ones()
     }
@@ -149,7 +48,7 @@ pub(super) struct Cell {
 }
 
 impl Cell {
-    /// The block that holds a corner, numbered by its offset from the cell's (see [`Parts`]), and where in it.
+    /// The block that holds a corner, numbered `4 dx + 2 dy + dz` by its offset from the cell's, and where in it.
     #[inline]
     pub fn corner(&self, corner: u8) -> (usize, usize) {
         let at = |axis: usize| usize::from(self.voxel[axis] + (corner >> (2 - axis) & 1));
@@ -166,21 +65,6 @@ const STRIDE: [usize; 3] = [SPAN * SPAN, SPAN, 1];
 
 /// One bit for each sample of a slab: bit `11 y + z`.
 type Slab = u128;
-
-/// The bits with `from <= y, z < to`.
-const fn square(from: usize, to: usize) -> Slab {
-    let row = (1 << to) - (1 << from);
-    let mut slab = 0;
-    let mut y = from;
-    while y < to {
-        slab |= row << (y * SPAN);
-        y += 1;
-    }
-    slab
-}
-
-/// First corners of all cells that touch the block's edges.
-const CELLS: Slab = square(0, BLOCK_EDGE + 1);
 
 /// The samples of a block and around it. Sample `(x, y, z)` is voxel `(x - 1, y - 1, z - 1)` of the block.
 pub(super) struct Neighbourhood<'a> {
@@ -228,12 +112,13 @@ impl<'a> Neighbourhood<'a> {
         this
     }
 
-    /// The cells, by their first corner, whose corners are all known.
+    /// The cells, by their first corner, whose corners are all known. The shifts run past the end of rows and slabs:
+    /// where `y` or `z` exceeds 8 the bits mean nothing, and none of the block's edges is near enough to ask for them.
     pub fn valid_cells(&self) -> [Slab; BLOCK_EDGE + 1] {
         std::array::from_fn(|x| {
             let edges = self.known[x] & self.known[x + 1];
             let faces = edges & edges >> STRIDE[2];
-            faces & faces >> STRIDE[1] & CELLS
+            faces & faces >> STRIDE[1]
         })
     }
 
@@ -335,8 +220,8 @@ fn with_next(slab: Slab, stride: usize) -> Slab {
     slab | slab << stride
 }
 
-/// The block's own voxels of a slab of samples, bit `8 y + z`.
-fn own_bits(slab: Slab) -> u64 {
+/// The block's own voxels of a slab of samples.
+fn own_bits(slab: Slab) -> BlockSlab {
     let row = |y: usize| (slab >> ((y + 1) * SPAN + 1)) as u64 & 0xFF;
     (0..BLOCK_EDGE).fold(0, |bits, y| bits | row(y) << (y * BLOCK_EDGE))
 }

@@ -127,8 +127,7 @@ impl BlockLayout {
             (offset, view.to_camera(&offset))
         });
         let from_centre = |i: usize| i as f64 + 0.5 - SUB_EDGE as f64 / 2.0;
-        let groups =
-            std::array::from_fn(|group| view.voxel_offsets(|lane| voxel_in_sub(group, lane).map(from_centre)));
+        let groups = std::array::from_fn(|group| view.voxel_offsets(|lane| voxel_in_sub(group, lane).map(from_centre)));
         Self { cube: Cube::new::<R>(view, SUB_EDGE as f64), subs, groups }
     }
 }
