@@ -95,10 +95,10 @@ def compare(actual: Blocks, expected: Blocks, tolerance: float, ambiguous: Masks
     )
 
 
-# Most voxels that rounding decides lie where the evidence behind a surface fades to half a unit and is stored as zero or
-# one: 4.4 sigma behind it, where a tenth of a unit is 0.05 sigma of way, of the 20 sigma and more of free space that a
-# ray crosses. A few are on the border of the image or of max_range, a share of rounding error over pixel size, 1e-5 to
-# 1e-4. So two voxels in a thousand may need an excuse; where more do, it is not rounding.
+# Most voxels that rounding decides lie where the evidence behind a surface fades to half a unit, and is stored as zero
+# or one: 4.4 sigma behind it, where a tenth of a unit is 0.05 sigma of way, of the 20 sigma and more of free space that
+# a ray crosses. A few are on the border of the image or of max_range, a share of rounding error over pixel size, 1e-5
+# to 1e-4. So two voxels in a thousand may need an excuse; where more do, it is not rounding.
 MAX_EXCUSED = 2e-3
 
 

@@ -2,9 +2,9 @@
 
 The paper's camera: 400x400 pixels, f = 400, principal point (200, 200); voxels of 0.1 m, k = sigma = 0.6. What the
 paper leaves open is taken as follows. The pixels left of the principal point see the obstacle at 6 m (z-depth), that
-pixel and those to its right the one at 10 m. The axis runs through centres of voxels, and the camera stands on the face
-of one, so that no voxel's distance is a t_i, where rounding would decide between two layers. Were the border between the
-obstacles on the axis itself, half a pixel to the left, each rule would be right that gives either obstacle the same
+pixel and those to its right the one at 10 m. The axis runs through centres of voxels, and the camera stands on the
+face of one, so that no voxel's distance is a t_i, where rounding would decide between two layers. Were the border
+between the obstacles on the axis itself, half a pixel to the left, each rule would be right that gives either obstacle the same
 weight, and nothing could be told from the scene. The axis is followed to 14 m, behind which all occupancies are 0.5.
 """
 

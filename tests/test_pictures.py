@@ -15,6 +15,7 @@ from pyramap import pictures
 from pyramap.pictures import rendering, slices
 
 WHITE = np.array(rendering.BACKGROUND)
+Corner = tuple[float, float, float]
 
 
 def straight_down(width: float, pixels: int, height: float = 10.0) -> pictures.View:
@@ -24,15 +25,34 @@ def straight_down(width: float, pixels: int, height: float = 10.0) -> pictures.V
 
 
 def drawn(image: NDArray[np.uint8]) -> NDArray[np.bool_]:
-    return np.any(image != WHITE, axis=-1)
+    return np.asarray(np.any(image != WHITE, axis=-1))
 
 
-def room_with_cube() -> trimesh.Trimesh:
-    """A room of 4 x 3 x 2.5 m seen from inside, floor at z = 0, with a cube of 0.5 m on the floor."""
-    room = trimesh.creation.box(bounds=[[0, 0, 0], [4, 3, 2.5]])
-    room.invert()
-    cube = trimesh.creation.box(bounds=[[1, 1, 0], [1.5, 1.5, 0.5]])
-    return trimesh.util.concatenate([room, cube])
+def box(low: Corner, high: Corner, seen_from_inside: bool = False) -> trimesh.Trimesh:
+    mesh = trimesh.creation.box(bounds=np.array([low, high], dtype=float))
+    if seen_from_inside:
+        mesh.invert()
+    return mesh
+
+
+def joined(*meshes: trimesh.Trimesh) -> trimesh.Trimesh:
+    vertices, faces = trimesh.util.append_faces([m.vertices for m in meshes], [m.faces for m in meshes])
+    return trimesh.Trimesh(vertices, faces, process=False)
+
+
+def rotation(angle: float, axis: Corner) -> NDArray[np.float64]:
+    """(3, 3), by Rodrigues' formula."""
+    x, y, z = np.array(axis) / np.linalg.norm(axis)
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    turned: NDArray[np.float64] = np.eye(3) + math.sin(angle) * cross + (1 - math.cos(angle)) * cross @ cross
+    return turned
+
+
+ROOM = box((0, 0, 0), (4, 3, 2.5), seen_from_inside=True)
+ROOM_WITH_CUBE = joined(ROOM, box((1, 1, 0), (1.5, 1.5, 0.5)))
+FLOOR = trimesh.Trimesh([[-2, -4, 0], [2, -4, 0], [2, 0, 0], [-2, 0, 0]], [[0, 1, 2], [0, 2, 3]])
+WALL = trimesh.Trimesh([[-2, 0, 0], [2, 0, 0], [2, 0, 2], [-2, 0, 2]], [[0, 1, 2], [0, 2, 3]])
+"""Its front looks along -y."""
 
 
 def bluish(image: NDArray[np.uint8]) -> NDArray[np.bool_]:
@@ -67,9 +87,7 @@ def test_edges_are_antialiased() -> None:
 
 
 def test_corners_are_darker_than_open_floor() -> None:
-    floor = trimesh.Trimesh([[-2, -4, 0], [2, -4, 0], [2, 0, 0], [-2, 0, 0]], [[0, 1, 2], [0, 2, 3]])
-    wall = trimesh.Trimesh([[-2, 0, 0], [2, 0, 0], [2, 0, 2], [-2, 0, 2]], [[0, 1, 2], [0, 2, 3]])
-    corner = trimesh.util.concatenate([floor, wall])
+    corner = joined(FLOOR, WALL)
     # From above and in front, 45 degrees down; the line where the two meet runs through the middle of the picture.
     view = pictures.looking_at((0, -30, 30), (0, 0, 0))
     parallel = pictures.View(view.eye, view.axes, width=4.0, size=(400, 400))
@@ -79,9 +97,7 @@ def test_corners_are_darker_than_open_floor() -> None:
 
 
 def test_one_looks_through_ceilings_into_the_room() -> None:
-    room = room_with_cube()
-    empty = trimesh.creation.box(bounds=[[0, 0, 0], [4, 3, 2.5]])
-    empty.invert()
+    room, empty = ROOM_WITH_CUBE, ROOM
     view = pictures.overview(room.vertices, room.faces, size=(200, 200))
     inside = pictures.mesh_image(room.vertices, room.faces, view)
     assert not bluish(inside).any()
@@ -103,7 +119,7 @@ def test_a_picture_is_the_same_each_time_and_another_of_another_mesh() -> None:
 
 
 def test_the_shade_is_the_same_however_far_from_the_origin() -> None:
-    room = room_with_cube()
+    room = ROOM_WITH_CUBE
     view = straight_down(width=8.0, pixels=100)
     # A power of two, so that moving rounds nothing in float64.
     far = np.array([2.0**20, -(2.0**20), 0])
@@ -124,7 +140,7 @@ def test_a_mesh_without_faces_gives_a_white_picture_and_no_overview() -> None:
 
 @pytest.mark.parametrize("up", [(0, 0, 1), (0, -1, 0), (0.1, 0.2, -3)])
 def test_an_overview_holds_the_whole_mesh_upright_and_from_above(up: tuple[float, float, float]) -> None:
-    room = room_with_cube()
+    room = ROOM_WITH_CUBE
     view = pictures.overview(room.vertices, room.faces, up, size=(200, 150))
     width, height = view.size
     assert max(width / 200, height / 150) == 1
@@ -142,10 +158,9 @@ def test_an_overview_holds_the_whole_mesh_upright_and_from_above(up: tuple[float
 
 
 def test_an_overview_turns_to_the_side_that_shows_most() -> None:
-    # One wall whose front looks along -y: it is seen by who looks along +y.
-    wall = trimesh.Trimesh([[0, 0, 0], [4, 0, 0], [4, 0, 2], [0, 0, 2]], [[0, 1, 2], [0, 2, 3]])
-    assert pictures.overview(wall.vertices, wall.faces).axes[1, 2] > 0.5
-    assert pictures.overview(wall.vertices, wall.faces[:, ::-1]).axes[1, 2] < -0.5
+    # The wall is seen by who looks along +y.
+    assert pictures.overview(WALL.vertices, WALL.faces).axes[1, 2] > 0.5
+    assert pictures.overview(WALL.vertices, WALL.faces[:, ::-1]).axes[1, 2] < -0.5
 
 
 @pytest.mark.parametrize("up", [(0, 0, 0), (math.nan, 0, 1), (1, 2)])
@@ -158,7 +173,7 @@ def test_an_overview_refuses_a_direction_that_is_none(up: tuple[float, ...]) -> 
 @pytest.mark.parametrize("backed", [0.0, 2.0])
 def test_a_view_from_a_pose_sees_what_the_camera_sees(backed: float) -> None:
     pose = np.eye(4)
-    pose[:3, :3] = trimesh.transformations.rotation_matrix(0.7, [1, 2, 3])[:3, :3]
+    pose[:3, :3] = rotation(0.7, (1, 2, 3))
     pose[:3, 3] = 5, -3, 1
     # A ball of 0.1 m, 4 m ahead, 1 m to the right and 0.5 m below the axis.
     ball = trimesh.creation.icosphere(subdivisions=3, radius=0.1)
@@ -175,7 +190,7 @@ def test_looking_at_puts_the_target_in_the_middle_and_up_on_top() -> None:
     eye, target = np.array([3.0, 1, 2]), np.array([-1.0, 0, 0.5])
     view = pictures.looking_at(eye, target, up=(0, 0, 1))
     np.testing.assert_allclose(view.eye, eye)
-    np.testing.assert_allclose((target - eye) @ view.axes, [0, 0, np.linalg.norm(target - eye)], atol=1e-12)
+    np.testing.assert_allclose((target - eye) @ view.axes, np.array([0, 0, np.linalg.norm(target - eye)]), atol=1e-12)
     assert view.axes[2, 1] < 0
     assert np.linalg.det(view.axes) == pytest.approx(1)
     with pytest.raises(ValueError, match="line of sight"):
@@ -188,7 +203,7 @@ def test_up_is_guessed_from_how_the_camera_was_held() -> None:
     upright = np.eye(4)
     upright[:3, :3] = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]]).T  # x right, y down is -z, looking along y
     leaning = upright.copy()
-    leaning[:3, :3] = trimesh.transformations.rotation_matrix(0.3, [1, 0, 0])[:3, :3] @ upright[:3, :3]
+    leaning[:3, :3] = rotation(0.3, (1, 0, 0)) @ upright[:3, :3]
     np.testing.assert_allclose(pictures.up_from_poses([upright]), [0, 0, 1])
     np.testing.assert_allclose(pictures.up_from_poses([upright, leaning]), [0, -math.sin(0.15), math.cos(0.15)])
     upside_down = upright.copy()
@@ -200,12 +215,10 @@ def test_up_is_guessed_from_how_the_camera_was_held() -> None:
 
 @pytest.mark.parametrize("up", [(0, 0, 1), (0, 1, 0), (0, -1, 0)])
 def test_up_is_guessed_from_floors(up: tuple[float, float, float]) -> None:
-    turn = trimesh.geometry.align_vectors([0, 0, 1], up)
-    floor = trimesh.Trimesh([[0, 0, 0], [4, 0, 0], [4, 3, 0], [0, 3, 0]], [[0, 1, 2], [0, 2, 3]])
-    wall = trimesh.Trimesh([[0, 0, 0], [4, 0, 0], [4, 0, 2], [0, 0, 2]], [[0, 1, 2], [0, 2, 3]])
-    mesh = trimesh.util.concatenate([floor, wall])
-    mesh.apply_transform(turn)
-    np.testing.assert_array_equal(pictures.up_from_mesh(mesh.vertices, mesh.faces), up)
+    room = joined(FLOOR, WALL)
+    about_x = math.atan2(-up[1], up[2])
+    vertices = room.vertices @ rotation(about_x + 0.2, (1, 0, 0)).T  # a camera that is not quite level
+    np.testing.assert_array_equal(pictures.up_from_mesh(vertices, room.faces), up)
 
 
 @pytest.mark.parametrize(("width", "metres"), [(30.0, 5.0), (11.0, 2.0), (0.07, 0.01)])
@@ -336,7 +349,7 @@ def test_a_slice_is_drawn_with_its_axes_the_right_way_round() -> None:
 
 # What people with each kind of colour blindness see of linear RGB (Machado, Oliveira and Fernandes 2009, severity 1).
 COLOUR_VISIONS = {
-    "full": np.eye(3),
+    "full": [[1.0, 0, 0], [0, 1, 0], [0, 0, 1]],
     "protanopia": [[0.152286, 1.052583, -0.204868], [0.114503, 0.786281, 0.099216], [-0.003882, -0.048116, 1.051998]],
     "deuteranopia": [[0.367322, 0.860646, -0.227968], [0.280085, 0.672501, 0.047413], [-0.011820, 0.042940, 0.968881]],
     "tritanopia": [[1.255528, -0.076749, -0.178779], [-0.078411, 0.930809, 0.147602], [0.004733, 0.691367, 0.303900]],

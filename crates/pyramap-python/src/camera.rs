@@ -80,7 +80,7 @@ impl PinholeCamera {
         hasher.finish()
     }
 
-    fn __reduce__(slf: &Bound<'_, Self>) -> (Py<PyAny>, (usize, usize, f64, f64, f64, f64)) {
+    fn __reduce__(slf: &Bound<'_, Self>) -> (Py<PyAny>, Intrinsics) {
         let c = slf.get().0;
         (slf.get_type().into_any().unbind(), (c.width, c.height, c.fx, c.fy, c.cx, c.cy))
     }

@@ -67,6 +67,11 @@ fn word<T: PartialEq>(value: T, words: &[(&'static str, T)]) -> &'static str {
     words.iter().find(|(_, other)| *other == value).expect("every value has its word").0
 }
 
+fn bytes(max_bytes: i64) -> PyResult<usize> {
+    let message = format!("max_bytes is {max_bytes}, expected 0 or more, or None for no limit");
+    usize::try_from(max_bytes).map_err(|_| PyValueError::new_err(message))
+}
+
 fn check_backend(backend: &str) -> PyResult<()> {
     if backend == "gpu" {
         return Err(PyValueError::new_err(
@@ -149,7 +154,7 @@ impl OccupancyGrid {
         update: &str,
         backend: &str,
         clamp: Option<(f64, f64)>,
-        max_bytes: Option<usize>,
+        max_bytes: Option<i64>,
         prior: f64,
         beyond_max_range: &str,
     ) -> PyResult<Self> {
@@ -159,7 +164,7 @@ impl OccupancyGrid {
         config.max_range = max_range;
         config.update = parse("update", update, &UPDATES)?;
         config.clamp = clamp;
-        config.max_bytes = max_bytes;
+        config.max_bytes = max_bytes.map(bytes).transpose()?;
         config.prior = prior;
         config.beyond_max_range = parse("beyond_max_range", beyond_max_range, &BEYOND)?;
         pyramap::OccupancyGrid::new(config).map(|grid| Self(RwLock::new(grid))).map_err(to_py)
@@ -397,7 +402,7 @@ impl OccupancyGrid {
         self.property(py, |grid| grid.num_frames())
     }
 
-    /// How many additions to voxels were too large to be stored whole, beyond log-odds of 524288; 0 in any sane map.
+    /// How many additions to voxels were too large to be stored whole, beyond log-odds of 524288.
     #[getter]
     fn saturated(&self, py: Python<'_>) -> u64 {
         self.property(py, |grid| grid.saturated())

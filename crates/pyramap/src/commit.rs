@@ -7,36 +7,41 @@ use crate::directory::{self, Directory, Entry};
 use crate::error::{Error, Result};
 use crate::update::Change;
 
-/// What a frame does to a map, before it is done.
-pub struct Commit<'a> {
+/// What a frame does to blocks, before it is done.
+#[derive(Debug, Default)]
+pub struct Changes {
     /// Blocks that get one increment throughout, each with it.
     pub uniform: Vec<(BlockKey, i32)>,
     /// Mixed blocks with an increment for each voxel: their key, and their place among the frame's mixed blocks.
     pub dense: Vec<(BlockKey, usize)>,
+}
+
+impl Changes {
+    /// Sorts the blocks of a frame by what happens to them.
+    pub fn sort(culled: &Culled, changes: &[Change], free_increment: i32) -> Self {
+        let mut sorted = Self::default();
+        sorted.uniform.extend(culled.free.iter().map(|&key| (key, free_increment)));
+        for (n, (&key, change)) in culled.mixed.iter().zip(changes).enumerate() {
+            match *change {
+                Change::None => {}
+                Change::Uniform(increment) => sorted.uniform.push((key, increment)),
+                Change::Dense { .. } => sorted.dense.push((key, n)),
+            }
+        }
+        sorted
+    }
+}
+
+/// An addition to a map.
+pub struct Commit<'a> {
+    /// What is added.
+    pub changes: &'a Changes,
     /// `1` to add, `-1` to take back.
     pub sign: i32,
     /// The range of stored evidence.
     pub limits: Limits,
     /// The map's blocks.
     pub directory: &'a mut Directory,
-}
-
-/// Sorts the blocks of a frame by what happens to them.
-pub fn sort_changes(
-    culled: &Culled,
-    changes: &[Change],
-    free_increment: i32,
-) -> (Vec<(BlockKey, i32)>, Vec<(BlockKey, usize)>) {
-    let mut uniform: Vec<_> = culled.free.iter().map(|&key| (key, free_increment)).collect();
-    let mut dense = Vec::new();
-    for (n, (&key, change)) in culled.mixed.iter().zip(changes).enumerate() {
-        match *change {
-            Change::None => {}
-            Change::Uniform(increment) => uniform.push((key, increment)),
-            Change::Dense { .. } => dense.push((key, n)),
-        }
-    }
-    (uniform, dense)
 }
 
 impl Commit<'_> {
@@ -46,10 +51,10 @@ impl Commit<'_> {
     /// [`Error::MapFull`] if the map would take more than `max_bytes`; nothing is added then.
     pub fn apply(self, backend: &mut dyn Backend, max_bytes: Option<usize>) -> Result<u64> {
         self.check_budget(backend, max_bytes)?;
-        let Self { uniform, dense, sign, limits, directory } = self;
+        let Self { changes: Changes { uniform, dense }, sign, limits, directory } = self;
         let mut lost = 0;
         let mut additions = Vec::with_capacity(dense.len());
-        for (key, increment) in uniform {
+        for &(key, increment) in uniform {
             let value = match directory.get(&key) {
                 Some(&Entry::Dense(slot)) => {
                     additions.push(Addition { slot, source: Source::Uniform(increment) });
@@ -62,7 +67,7 @@ impl Commit<'_> {
             lost += if overflow { BLOCK_VOXELS as u64 } else { 0 };
             set_uniform(directory, key, sum);
         }
-        for (key, n) in dense {
+        for &(key, n) in dense {
             let slot = match directory.get(&key) {
                 Some(&Entry::Dense(slot)) => slot,
                 Some(&Entry::Uniform(value)) => backend.allocate(value),
@@ -76,9 +81,10 @@ impl Commit<'_> {
 
     fn check_budget(&self, backend: &dyn Backend, max_bytes: Option<usize>) -> Result<()> {
         let Some(max_bytes) = max_bytes else { return Ok(()) };
+        let Changes { uniform, dense } = self.changes;
         let entry = |key| self.directory.get(key);
-        let new_slots = self.dense.iter().filter(|(key, _)| !matches!(entry(key), Some(Entry::Dense(_)))).count();
-        let new_entries = self.uniform.iter().map(|(key, _)| key).chain(self.dense.iter().map(|(key, _)| key));
+        let new_slots = dense.iter().filter(|(key, _)| !matches!(entry(key), Some(Entry::Dense(_)))).count();
+        let new_entries = uniform.iter().map(|(key, _)| key).chain(dense.iter().map(|(key, _)| key));
         let entries = self.directory.len() + new_entries.filter(|key| entry(key).is_none()).count();
         budget(self.directory, entries, backend.slots() + new_slots, Some(max_bytes))
     }

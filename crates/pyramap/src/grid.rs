@@ -3,7 +3,7 @@
 use crate::backend::{Backend, Limits};
 use crate::block::{BLOCK_EDGE, BLOCK_VOXELS, Block, BlockData, BlockKey, Blocks, MAX_BLOCK};
 use crate::camera::PinholeCamera;
-use crate::commit::{Commit, budget, set_uniform, sort_changes};
+use crate::commit::{Changes, Commit, budget, set_uniform};
 use crate::cpu::CpuBackend;
 use crate::depth::DepthImage;
 use crate::directory::{self, Directory, Entry, uniform_value};
@@ -207,14 +207,13 @@ impl OccupancyGrid {
         watch.lap(|seconds| &mut seconds.cull);
 
         let changes = backend.update(config, &culled.mixed);
-        let (uniform, dense) = sort_changes(&culled, changes, self.free_increment);
         let mut stats = FrameStats::count(&culled, changes);
+        let changes = Changes::sort(&culled, changes, self.free_increment);
         watch.lap(|seconds| &mut seconds.update);
 
-        let touched: Vec<BlockKey> = dense.iter().map(|&(key, _)| key).collect();
-        let commit = Commit { uniform, dense, sign, limits: config.limits(), directory: &mut self.directory };
+        let commit = Commit { changes: &changes, sign, limits: config.limits(), directory: &mut self.directory };
         stats.saturated = commit.apply(backend, config.max_bytes)?;
-        self.collapse(&touched);
+        self.collapse(&changes);
         watch.lap(|seconds| &mut seconds.commit);
 
         stats.seconds = watch.seconds();
@@ -232,8 +231,8 @@ impl OccupancyGrid {
     }
 
     /// Dense blocks whose voxels have all become equal give their slot back.
-    fn collapse(&mut self, keys: &[BlockKey]) {
-        for &key in keys {
+    fn collapse(&mut self, changes: &Changes) {
+        for &(key, _) in &changes.dense {
             if let Some(&Entry::Dense(slot)) = self.directory.get(&key)
                 && let Some(value) = uniform_value(self.backend.read(slot))
             {

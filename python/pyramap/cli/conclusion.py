@@ -11,7 +11,7 @@ from .facts import map_facts, run_facts
 from .failures import FAILED, INTERRUPTED
 from .fusing import Run
 from .products import Products, write_products
-from .summary import map_rows, print_json, print_table, product_rows, run_rows
+from .summary import map_rows, print_files, print_json, print_table, product_rows, run_rows
 
 
 def conclude(
@@ -54,6 +54,7 @@ def conclude(
         print_json(facts)
     else:
         print_table(name, [*run_rows(facts["run"]), *map_rows(facts["map"]), *product_rows(facts)])
+        print_files(facts)
     if ended_early:
         kept = f"the map of {run.frames} frames is in {products.map}" if products.map else "nothing is kept"
         typer.echo(f"interrupted: {kept}" if run.interrupted else f"error: {run.failure}; {kept}", err=True)

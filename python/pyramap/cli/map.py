@@ -17,6 +17,8 @@ from .outputs import check_writable, map_path, picture_path
 from .products import Products
 from .values import Backend, Numbers, Update
 
+NO_OFFSET = "0"
+
 
 def map_dataset(
     dataset: Annotated[Path, typer.Argument(help="Folder with a data set: 7-Scenes, TUM RGB-D, Redwood or ICL-NUIM.")],
@@ -45,7 +47,7 @@ def map_dataset(
     ] = None,
     surface_offset: Annotated[
         str, typer.Option(metavar="METRES|centred", help="Where the model puts the surface behind the reading.")
-    ] = "0",
+    ] = NO_OFFSET,
     max_range: Annotated[float, typer.Option(help="Readings count up to this distance, metres.")] = 5.0,
     update: Annotated[Update, typer.Option(help="How a voxel's log-odds come from the image.")] = Update.pyramid,
     backend: BackendChoice = Backend.auto,
@@ -97,10 +99,9 @@ def map_dataset(
     conclude(f"{frames.name} ({frames.format})", grid, run, frames.skipped, products, min_evidence, as_json)
 
 
-def _sensor_model(resolution: float, sigma: Numbers | None, k: float | None, surface_offset: str) -> SensorModel:
+def _sensor_model(resolution: float, sigma: Numbers | None, k: float | None, offset: str) -> SensorModel | None:
+    """The model that the options name; None, the grid's own, if they name none."""
+    if sigma is None and k is None and offset == NO_OFFSET:
+        return None
     s0, *growth = sigma or (resolution,)
-    return SensorModel(
-        sigma=(s0, growth[0], growth[1]) if growth else s0,
-        k=k,
-        surface_offset=values.surface_offset(surface_offset),
-    )
+    return SensorModel((s0, growth[0], growth[1]) if growth else s0, k, values.surface_offset(offset))

@@ -13,7 +13,7 @@ from . import values
 from .options import AsJson, BackendChoice, MapFile, MinEvidence, PictureOut, Threads
 from .outputs import check_writable, mesh_path, write_mesh
 from .products import draw_mesh, file_sizes, mesh_facts
-from .summary import print_json, print_table, product_rows
+from .summary import print_files, print_json, print_table, product_rows
 from .terminal import working_on
 from .values import Backend, Numbers
 
@@ -69,6 +69,7 @@ def mesh_map(
         print_json(facts)
     else:
         print_table(str(file), product_rows(facts))
+        print_files(facts)
 
 
 def _view(mesh: Mesh, up: Numbers | None, eye: Numbers | None, look_at: Numbers | None) -> pictures.View:

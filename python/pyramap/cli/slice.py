@@ -12,7 +12,7 @@ from .._core import OccupancyGrid
 from .options import AsJson, MapFile
 from .outputs import check_writable, picture_path
 from .products import draw_slice, file_sizes
-from .summary import print_json, print_table, product_rows
+from .summary import print_files, print_json, print_table, product_rows
 from .values import Axis
 
 
@@ -40,3 +40,4 @@ def slice_map(
         print_json(facts)
     else:
         print_table(str(file), product_rows(facts))
+        print_files(facts)

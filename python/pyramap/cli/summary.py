@@ -66,13 +66,17 @@ def run_rows(facts: Facts) -> Iterator[Row]:
 
 
 def product_rows(facts: Facts) -> Iterator[Row]:
-    """Rows for meshes, slices and files that were made."""
+    """Rows for meshes and slices that were made."""
     if "mesh" in facts:
         yield "mesh", "{vertices:,} vertices, {triangles:,} triangles".format(**facts["mesh"])
     if "slice" in facts:
         yield "slice", "{axis} = {at:.3f} m".format(**facts["slice"])
+
+
+def print_files(facts: Facts) -> None:
+    """A line for each file written: outside of tables, where no path is cut."""
     for path, size in facts["files"].items():
-        yield "written", f"{path} ({_size(size)})"
+        typer.echo(f"wrote {path} ({_size(size)})")
 
 
 def _size(count: int) -> str:

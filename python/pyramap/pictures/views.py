@@ -196,7 +196,7 @@ def _looking_down(up: NDArray[np.float64], azimuth: float) -> NDArray[np.float64
 
 def _scale(extent: NDArray[np.float64], size: tuple[int, int]) -> float:
     """Pixels a metre, so that an extent in metres fits into a picture."""
-    return min(pixels / max(metres, 1e-3) for pixels, metres in zip(size, extent, strict=True))
+    return float(np.min(np.array(size) / np.maximum(extent, 1e-3)))
 
 
 def _unit(vector: ArrayLike) -> NDArray[np.float64]:

@@ -51,7 +51,7 @@ impl Rule for Area {
                 } else {
                     unsafe { *layer.inv_sigma.get_unchecked(at) }
                 };
-                let valid = if surface == surface { 1.0 } else { 0.0 };
+                let valid = if surface.is_nan() { 0.0 } else { 1.0 };
                 sum[n] += valid * frame.table.log_odds((pixels.range[n] - surface) * inv_sigma);
                 count[n] += valid;
             }

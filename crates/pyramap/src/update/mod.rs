@@ -1,6 +1,10 @@
 //! Stage 4, update: the log-odd that a frame gives to each voxel of the mixed blocks (Alg. 1).
 //!
-//! One file a rule. A rule is asked for eight voxels at a time; everything around it is here.
+//! One file a rule. A rule is asked for eight voxels at a time; everything around it is here. What is done to eight
+//! voxels is written as plain loops over eight lanes, which the compiler turns into vector instructions: no allocation,
+//! no branch, and no reading through a bounds check inside them.
+
+#![allow(clippy::needless_range_loop, reason = "lanes of several arrays go together, by their number")]
 
 pub mod area;
 pub mod ideal;
@@ -229,7 +233,7 @@ fn update_lanes<R: Rule>(scope: &Scope<R>, frame: &Frame, points: &Points) -> [i
     let log_odds = scope.rule.log_odds(frame, points, &pixels);
     let mut increments = [0; 8];
     for i in 0..8 {
-        let told = seen[i] & (log_odds[i] == log_odds[i]);
+        let told = seen[i] & !log_odds[i].is_nan();
         increments[i] = to_increment(if told { log_odds[i] } else { 0.0 });
     }
     increments
@@ -282,7 +286,7 @@ fn bilinear(frame: &Frame, i: usize, pixels: &Pixels) -> Lanes {
                 } else {
                     unsafe { *layer.inv_sigma.get_unchecked(texel) }
                 };
-                let valid = surface == surface;
+                let valid = !surface.is_nan();
                 let w = if valid { row_weight[n] * column_weight[n] } else { 0.0 };
                 sum[n] += w * frame.table.log_odds((pixels.range[n] - surface) * inv_sigma);
                 weight[n] += w;

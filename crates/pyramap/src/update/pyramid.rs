@@ -47,9 +47,9 @@ impl Rule for Pyramid {
             for n in 0..8 {
                 let alone = (i == self.count - 1) | (pixels.range[n] > self.t_0);
                 let blended = here[n] + towards_next[n] * (next[n] - here[n]);
-                let served = if (next[n] != next[n]) | alone {
+                let served = if next[n].is_nan() | alone {
                     here[n]
-                } else if here[n] != here[n] {
+                } else if here[n].is_nan() {
                     next[n]
                 } else {
                     blended

@@ -1,0 +1,53 @@
+# Everything a fresh machine needs beyond Rust, Python 3.11 and make is set up here, into .venv and target.
+#   make demo   set up, simulate an office, map it, and draw the map
+#   make test   set up, lint, and run every test
+
+PYTHON ?= python3
+VENV := .venv
+PY := $(VENV)/bin/python
+export VIRTUAL_ENV := $(CURDIR)/$(VENV)
+export PYO3_PYTHON := $(CURDIR)/$(PY)
+unexport CONDA_PREFIX
+
+.PHONY: demo test setup build lint test-rust test-python bench clean
+
+demo: build
+	$(VENV)/bin/pyramap demo -o out
+
+test: lint test-rust test-python
+
+# The environment, with exactly the locked packages. It is made again when the lock changes.
+setup: $(VENV)/.locked
+$(VENV)/.locked: requirements.lock
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
+		|| { echo "pyramap needs Python 3.11 or newer; set PYTHON=/path/to/it" >&2; exit 1; }
+	@command -v cargo >/dev/null || { echo "pyramap needs Rust: see https://rustup.rs" >&2; exit 1; }
+	$(PYTHON) -m venv $(VENV)
+	$(PY) -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements.lock
+	touch $@
+
+# The extension is built anew whenever cargo finds that it must be; that takes seconds when nothing changed.
+build: setup
+	$(VENV)/bin/maturin develop --release --locked --quiet
+
+lint: build
+	cargo fmt --all --check
+	cargo clippy --workspace --all-targets --locked -- -D warnings
+	RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps --locked --quiet
+	$(PY) -m ruff check
+	$(PY) -m ruff format --check
+	$(PY) -m mypy
+	MYPYPATH=python $(PY) -m mypy.stubtest pyramap._core
+
+test-rust: setup
+	RUSTFLAGS="-D warnings" cargo test --workspace --locked --quiet
+	cargo run --locked --quiet -p embed
+
+test-python: build
+	$(PY) -m pytest
+
+bench: setup
+	cargo bench --locked -p pyramap-benches
+
+clean:
+	rm -rf $(VENV) target out
