@@ -96,10 +96,10 @@ def compare(actual: Blocks, expected: Blocks, tolerance: float, ambiguous: Masks
 
 
 # Most voxels that rounding decides lie where the evidence behind a surface fades to half a unit, and is stored as zero
-# or one: 4.4 sigma behind it, where a tenth of a unit is 0.05 sigma of way, of the 20 sigma and more of free space that
-# a ray crosses. A few are on the border of the image or of max_range, a share of rounding error over pixel size, 1e-5
-# to 1e-4. So two voxels in a thousand may need an excuse; where more do, it is not rounding.
-MAX_EXCUSED = 2e-3
+# or one: 4.4 sigma behind it. There a tenth of a unit, which a tabulated sensor model may be off, is 0.05 sigma of way,
+# of the 10 sigma or more of free space that a ray crosses. A few more are on the border of the image or of max_range, a
+# share of rounding error over pixel size, 1e-5 to 1e-4. Where more than this fails it is not rounding.
+MAX_EXCUSED = 5e-3
 
 
 def assert_same_map(
@@ -111,10 +111,10 @@ def assert_same_map(
     max_excused: float = MAX_EXCUSED,
 ) -> Comparison:
     """Fails unless no voxel is missing, none is spurious, and the share `within` of all voxels agrees within the
-    tolerance. Voxels of the mask may fail, but at most the share `max_excused` of all, or 2 where that is less."""
+    tolerance. Voxels of the mask may fail, but at most the share `max_excused` of all."""
     result = compare(actual, expected, tolerance, ambiguous)
     assert result.compared > 0, "both maps are empty: nothing was compared"
     assert result.missing + result.spurious == 0, f"the maps know different voxels\n{result.report}"
     assert result.within >= within, f"only {result.within:.4%} of voxels agree within {tolerance}\n{result.report}"
-    assert result.excused <= max(2, max_excused * result.compared), f"too many voxels are excused\n{result.report}"
+    assert result.excused <= max_excused * result.compared, f"too many voxels are excused\n{result.report}"
     return result

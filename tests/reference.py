@@ -229,12 +229,13 @@ def area(view: View, centres: Array) -> Array:
 
 
 Rule = Callable[[View, Array], Array]
+RuleName = Literal["pyramid", "area", "min_layer", "ideal"]
 # A rule takes a view and the centres (N, 3) of voxels that project into it, and gives their N log-odds, NaN for
 # "not touched".
-RULES: dict[str, Rule] = {"pyramid": pyramid, "area": area, "min_layer": min_layer, "ideal": ideal}
+RULES: dict[RuleName, Rule] = {"pyramid": pyramid, "area": area, "min_layer": min_layer, "ideal": ideal}
 
 
-def evaluate(view: View, rule: str, first: Index, shape: Sequence[int]) -> Array:
+def evaluate(view: View, rule: RuleName, first: Index, shape: Sequence[int]) -> Array:
     """Log-odds, not rounded, of the voxels `first + [0, shape)`; NaN where the frame does not touch the voxel."""
     centres = np.asarray((np.moveaxis(np.indices(shape), 0, -1).reshape(-1, 3) + first + 0.5) * view.voxel_size, float)
     visible = view.project(centres)[3]
@@ -253,7 +254,7 @@ RANGE_SLACK = 5e-7
 VALUE_SLACK = 5e-4
 
 
-def doubtful(view: View, rule: str, first: Index, shape: Sequence[int], exact: Array) -> Mask:
+def doubtful(view: View, rule: RuleName, first: Index, shape: Sequence[int], exact: Array) -> Mask:
     """Voxels whose value, or being touched at all, hangs on float32 rounding: those for which it changes when the
     camera moves by POSITION_SLACK along the eight diagonals and the thresholds by RANGE_SLACK. That finds, for every
     rule, voxels on the border of the image, at max_range, at a t_i beside a hole, with all valid weight in a vanishing
@@ -272,7 +273,7 @@ def doubtful(view: View, rule: str, first: Index, shape: Sequence[int], exact: A
     return doubt | (np.abs(np.abs(exact) / UNIT - 0.5) < 0.25)
 
 
-def integrate(views: Sequence[View], rule: str, first: Index, shape: Sequence[int]) -> tuple[Array, Mask]:
+def integrate(views: Sequence[View], rule: RuleName, first: Index, shape: Sequence[int]) -> tuple[Array, Mask]:
     """The frames' map of the voxels `first + [0, shape)`: log-odds, 0 where unknown, and which voxels are doubtful."""
     units, touched = np.zeros(tuple(shape)), np.zeros(tuple(shape), dtype=int)
     doubt = np.zeros(tuple(shape), dtype=bool)

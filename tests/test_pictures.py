@@ -12,7 +12,7 @@ import pytest
 import trimesh
 from numpy.typing import NDArray
 from pyramap import pictures
-from pyramap.pictures import rendering, slices
+from pyramap.pictures import rendering, slice_drawing, slices
 
 WHITE = np.array(rendering.BACKGROUND)
 Corner = tuple[float, float, float]
@@ -29,7 +29,7 @@ def drawn(image: NDArray[np.uint8]) -> NDArray[np.bool_]:
 
 
 def box(low: Corner, high: Corner, seen_from_inside: bool = False) -> trimesh.Trimesh:
-    mesh = trimesh.creation.box(bounds=np.array([low, high], dtype=float))
+    mesh: trimesh.Trimesh = trimesh.creation.box(bounds=np.array([low, high], dtype=float))
     if seen_from_inside:
         mesh.invert()
     return mesh
@@ -326,7 +326,7 @@ def test_the_three_states_have_the_colours_of_the_legend() -> None:
     log_odds = np.array([[logit(0.1), logit(0.9), np.nan]], np.float32)
     layer = pictures.Slice(log_odds, origin=(0.0, 0.0), cell=0.1, axis=2, at=0.05)
     image = pictures.slice_image(layer)
-    free, occupied, unknown = slices.colours(log_odds[0])
+    free, occupied, unknown = slice_drawing.colours(log_odds[0])
     assert len({tuple(colour) for colour in (free, occupied, unknown)}) == 3
     for colour in (free, occupied, unknown):
         rows, _ = np.nonzero(np.all(image == colour, axis=-1))
@@ -336,19 +336,35 @@ def test_the_three_states_have_the_colours_of_the_legend() -> None:
         assert 100 < (~in_map).sum() < 1000
 
 
+def test_any_amount_of_evidence_has_a_colour() -> None:
+    # 2^19 is the largest log-odds that a map holds.
+    log_odds = np.array([-(2.0**19), -30, 30, 2.0**19], np.float32)
+    colours = slice_drawing.colours(log_odds)
+    np.testing.assert_array_equal(colours[0], colours[1])
+    np.testing.assert_array_equal(colours[2], colours[3])
+    # Eq. 5: p = 1 / (1 + exp(-l)); the scale has 256 steps.
+    np.testing.assert_array_equal(
+        slice_drawing.colours(np.array([1.2], np.float32))[0], shade(1 / (1 + math.exp(-1.2)))
+    )
+
+
+def shade(p: float) -> NDArray[np.float64]:
+    return np.round(255 * np.array(slice_drawing.COLOURS(p)[:3]))
+
+
 def test_a_slice_is_drawn_with_its_axes_the_right_way_round() -> None:
     # Two rows, three columns: occupied at the upper left.
     log_odds = np.full((2, 3), -2.0, np.float32)
     log_odds[1, 0] = 3.0
     image = pictures.slice_image(pictures.Slice(log_odds, (0.0, 0.0), 0.1, 2, 0.05))
-    occupied = np.argwhere(np.all(image == slices.colours(log_odds[1, :1])[0], axis=-1))
-    free = np.argwhere(np.all(image == slices.colours(log_odds[0, :1])[0], axis=-1))
+    occupied = np.argwhere(np.all(image == slice_drawing.colours(log_odds[1, :1])[0], axis=-1))
+    free = np.argwhere(np.all(image == slice_drawing.colours(log_odds[0, :1])[0], axis=-1))
     assert occupied.mean(axis=0)[0] < free.mean(axis=0)[0]
     assert occupied.mean(axis=0)[1] < free.mean(axis=0)[1]
 
 
 # What people with each kind of colour blindness see of linear RGB (Machado, Oliveira and Fernandes 2009, severity 1).
-COLOUR_VISIONS = {
+COLOUR_VISIONS: dict[str, list[list[float]]] = {
     "full": [[1.0, 0, 0], [0, 1, 0], [0, 0, 1]],
     "protanopia": [[0.152286, 1.052583, -0.204868], [0.114503, 0.786281, 0.099216], [-0.003882, -0.048116, 1.051998]],
     "deuteranopia": [[0.367322, 0.860646, -0.227968], [0.280085, 0.672501, 0.047413], [-0.011820, 0.042940, 0.968881]],
@@ -359,7 +375,7 @@ COLOUR_VISIONS = {
 @pytest.mark.parametrize("vision", COLOUR_VISIONS)
 def test_the_states_can_be_told_apart_with_any_colour_vision(vision: str) -> None:
     log_odds = np.array([logit(0.1), logit(0.9), np.nan], np.float32)
-    linear = (slices.colours(log_odds) / 255.0) ** 2.2
+    linear = (slice_drawing.colours(log_odds) / 255.0) ** 2.2
     seen = np.clip(linear @ np.transpose(COLOUR_VISIONS[vision]), 0, 1) ** (1 / 2.2)
     distances = [np.linalg.norm(seen[i] - seen[j]) for i, j in ((0, 1), (0, 2), (1, 2))]
     # Of the range 0 to 1 of each channel; a step of 0.1 is plain to see between areas side by side.
@@ -367,5 +383,5 @@ def test_the_states_can_be_told_apart_with_any_colour_vision(vision: str) -> Non
 
 
 def test_pictures_need_neither_a_display_nor_pyplot() -> None:
-    code = "import sys, pyramap.pictures; sys.exit('matplotlib.pyplot' in sys.modules)"
+    code = "import sys, pyramap.pictures.slice_drawing; sys.exit('matplotlib.pyplot' in sys.modules)"
     subprocess.run([sys.executable, "-W", "error", "-c", code], check=True, env={"PATH": ""})

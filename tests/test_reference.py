@@ -14,6 +14,7 @@ from reference import (
     Array,
     Camera,
     Model,
+    RuleName,
     View,
     area,
     doubtful,
@@ -211,7 +212,7 @@ def test_area_leaves_out_points_behind_the_camera() -> None:
 
 
 @pytest.mark.parametrize("rule", RULES)
-def test_only_voxels_in_the_image_and_in_range_are_touched(rule: str) -> None:
+def test_only_voxels_in_the_image_and_in_range_are_touched(rule: RuleName) -> None:
     """A 4x4 image looks along world -x from (10, 0, 0), with y to its right and z downwards; f = 1, centre 1.5."""
     pose = np.array([[0, 0, -1, 10], [1, 0, 0, 0], [0, -1, 0, 0], [0, 0, 0, 1]], dtype=float)
     view = View(np.full((4, 4), INF, np.float32), Camera(4, 4, 1.0, 1.0, 1.5, 1.5), pose, 1.0, MODEL, max_range=6.0)
@@ -272,7 +273,7 @@ def test_moving_camera_and_map_together_changes_nothing() -> None:
     camera = Camera(16, 12, 14.0, 13.0, 7.3, 5.9)
     first, shape = np.array([-8, -8, 0]), (16, 16, 24)
 
-    def value(rule: str, shift: Array) -> Array:
+    def value(rule: RuleName, shift: Array) -> Array:
         pose = np.eye(4)
         pose[:3, 3] = [0.03, 0.01, 0.02] + shift * 0.25
         return evaluate(View(depth, camera, pose, 0.25, MODEL, 4.0), rule, first + shift.astype(int), shape)

@@ -4,6 +4,22 @@ from typing import ClassVar, Literal, Self, TypeAlias, final
 import numpy as np
 import trimesh
 from numpy.typing import ArrayLike, NDArray
+from typing_extensions import disjoint_base
+
+__all__ = [
+    "FrameStats",
+    "MapFullError",
+    "Mesh",
+    "OccupancyGrid",
+    "PinholeCamera",
+    "Scene",
+    "SensorModel",
+    "__version__",
+    "num_threads",
+    "pyramid",
+    "ranges",
+    "set_num_threads",
+]
 
 _Depth: TypeAlias = NDArray[np.float32] | NDArray[np.float64] | NDArray[np.uint16]
 _Sigma: TypeAlias = float | tuple[float, float, float]
@@ -143,6 +159,7 @@ class Mesh:
     def normals(self) -> NDArray[np.float32]: ...
     def to_trimesh(self) -> trimesh.Trimesh: ...
 
+@disjoint_base
 class Scene:
     def __new__(cls, name: Literal["box", "spheres", "office_loop"]) -> Self: ...
     @property

@@ -28,19 +28,13 @@ FRAMES_PER_SECOND = 30.0
 class Scene(_core.Scene):
     """Solid boxes, balls and cylinders in a room, a camera, and the poses from which it looks.
 
-    `box()`, `spheres()` and `office_loop()` make the three there are; `Scene(name)` makes the one of that name.
+    `box()`, `spheres()` and `office_loop()` make the three there are.
 
-    - `name`: "box", "spheres" or "office_loop".
-    - `camera`: the `PinholeCamera` that the poses are made for.
-    - `poses()`: `world_from_camera` of each view, (N, 4, 4) float64, metres.
-    - `render(camera, world_from_camera, noise=None)`: the depth image, (H, W) float32, z-depth in metres at the pixel
-      centres, exact to float32; 0 where there is no surface. The camera should be in free space: a solid that
-      contains it is not drawn. With `noise`, an integer seed, it is what a Kinect would have measured: axial noise
-      of 0.0012 + 0.0019 (z - 0.4)^2 m (Nguyen, Izadi and Lovell 2012), disparity in steps of 1/8 pixel, and no
-      reading (0) at edges, in the projector's shadow, at grazing angles, and outside of 0.8 to 5 m.
-    - `signed_distance(points)`: for (N, 3) points in metres, (N,) float64 metres to the nearest surface, positive in
-      free space and exact there; negative inside solids, where it is the depth below the surface of one solid
-      (a lower bound, if others cover that surface); NaN for a point that is not finite.
+    Args:
+        name: "box", "spheres" or "office_loop".
+
+    Raises:
+        ValueError: If there is no such scene.
     """
 
     def frames(self, noise: int | None = None) -> SceneFrames:

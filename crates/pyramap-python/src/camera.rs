@@ -4,6 +4,9 @@ use crate::errors::to_py;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
+/// The arguments of the constructor, in their order.
+type Intrinsics = (usize, usize, f64, f64, f64, f64);
+
 /// A pinhole camera without distortion.
 ///
 /// Its axes are x right, y down, z forward. Integer pixel coordinates are pixel centres: the image spans columns -0.5 to

@@ -14,7 +14,7 @@ pub fn register(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<Scene>()
 }
 
-/// A simulated scene with exact truth.
+/// The base of `pyramap.scenes.Scene`.
 #[pyclass(frozen, subclass, module = "pyramap")]
 pub struct Scene(pyramap_scenes::Scene);
 
@@ -32,16 +32,19 @@ impl Scene {
         }
     }
 
+    /// "box", "spheres" or "office_loop".
     #[getter]
     fn name(&self) -> &'static str {
         self.0.name()
     }
 
+    /// The camera that the poses are made for.
     #[getter]
     fn camera(&self) -> PinholeCamera {
         PinholeCamera(*self.0.camera())
     }
 
+    /// The views: `world_from_camera` of each, (N, 4, 4) float64, metres.
     fn poses<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray3<f64>>> {
         let poses = self.0.poses();
         let mut values = Vec::with_capacity(16 * poses.len());
@@ -55,6 +58,22 @@ impl Scene {
         PyArray1::from_vec(py, values).reshape([poses.len(), 4, 4])
     }
 
+    /// The depth image that a camera at a pose takes.
+    ///
+    /// The camera should be in free space: a solid that contains it is not drawn. A Kinect's axial noise is
+    /// 0.0012 + 0.0019 (z - 0.4)^2 m (Nguyen, Izadi and Lovell 2012), its disparity comes in steps of 1/8 pixel, and it has
+    /// no reading at edges, in the projector's shadow, at grazing angles, and outside of 0.8 to 5 m.
+    ///
+    /// Args:
+    ///     camera: Of any size.
+    ///     world_from_camera: (4, 4) rigid transform, metres.
+    ///     noise: None for exact depth; an integer, the seed, for what a Kinect would have measured.
+    ///
+    /// Returns:
+    ///     (H, W) float32 z-depth in metres at the pixel centres; 0 where there is no surface, or no reading.
+    ///
+    /// Raises:
+    ///     ValueError: If the pose is not finite or not rigid.
     #[pyo3(signature = (camera, world_from_camera, noise = None))]
     fn render<'py>(
         &self,
@@ -74,6 +93,18 @@ impl Scene {
         PyArray1::from_vec(py, depth).reshape([camera.height, camera.width])
     }
 
+    /// Distances to the nearest surface.
+    ///
+    /// Args:
+    ///     points: (N, 3) world coordinates, metres.
+    ///
+    /// Returns:
+    ///     (N,) float64 metres: positive in free space, and exact there; negative inside solids, where it is the depth
+    ///     below the surface of one solid (a lower bound, if others cover that surface); NaN for a point that is not
+    ///     finite.
+    ///
+    /// Raises:
+    ///     ValueError: If the shape is another.
     #[pyo3(signature = (points))]
     fn signed_distance<'py>(&self, points: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyArray1<f64>>> {
         let py = points.py();

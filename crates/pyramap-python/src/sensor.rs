@@ -42,7 +42,8 @@ enum Offset {
 #[pymethods]
 impl SensorModel {
     #[new]
-    #[pyo3(signature = (sigma, k = None, surface_offset = Offset::Metres(0.0)))]
+    #[pyo3(signature = (sigma, k = None, surface_offset = Offset::Metres(0.0)),
+           text_signature = "(sigma, k=None, surface_offset=0.0)")]
     fn new(sigma: Sigma, k: Option<f64>, surface_offset: Offset) -> PyResult<Self> {
         let sigma = match sigma {
             Sigma::Constant(sigma) => [sigma, 0.0, 0.0],

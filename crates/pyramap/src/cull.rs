@@ -3,9 +3,11 @@
 //!
 //! A cube of voxels is classified from the interval of its distances and the rectangle of its projection: with the
 //! bounds over exactly the texels that the update rule would read for it, it is skipped where all of it lies behind
-//! every surface, and free where all of it lies in front of every surface. The same question is put to cubes of many
-//! blocks, to blocks, and by the update stage to the sub-blocks of a mixed block. Because the sensor table is constant
-//! beyond its cut-off, skipping changes no bit of the result.
+//! every surface, and free where all of it lies in front of every surface. What is neither is asked by its eighths,
+//! all eight at once: from cubes of many blocks down to blocks here, and from blocks down to cubes of 2 x 2 x 2 voxels
+//! in the update stage. Because the sensor table is constant beyond its cut-off, skipping changes no bit of the result.
+
+#![allow(clippy::needless_range_loop, reason = "lanes of several arrays go together, by their number")]
 
 use crate::block::{BLOCK_EDGE, BlockKey};
 use crate::surfaces::{Bounds, SurfaceLayer};
@@ -63,24 +65,77 @@ const DISTANCE_SLACK: f32 = 2e-6;
 /// Slack on pixel coordinates: roundings at coordinates of up to some thousand pixels.
 const PIXEL_SLACK: f32 = 1e-2;
 
-/// A cube size to classify: the same corners serve all cubes of it.
+/// The eighths of a cube: where they lie, and how far each reaches. The same serve all cubes of one size.
 #[derive(Clone, Debug)]
-pub struct Cube {
-    /// Half the edge of the cube that holds the voxels' centres, metres.
-    half: f64,
-    /// Corners of the cube that holds all that is projected, in the camera's frame.
-    corners: Points,
+pub struct Eighths {
+    /// Their centres relative to the cube's, in the camera's frame.
+    pub offsets: Points,
+    /// The world's axes in the camera's frame, along which the cubes lie.
+    axes: [[f32; 3]; 3],
+    /// Half the edge of the cube that holds an eighth's voxel centres, metres.
+    voxels: f32,
+    /// Half the edge of the cube that holds all that is projected for its voxels, metres.
+    projected: f32,
+    /// Half the depth of that cube, along the camera's z, metres.
+    depth: f32,
+    /// Half its extent across each of the frustum's sides, in the units of [`View::sides`].
+    across_sides: [f32; 4],
 }
 
-impl Cube {
-    /// A cube of `voxels` voxels along an edge, for a rule that reads around each voxel.
-    pub fn new<R: Reads>(view: &View, voxels: f64) -> Self {
-        let half = 0.5 * (voxels - 1.0);
-        let projected = half + R::HALF_EDGE;
-        let sign = |lane: usize, axis: usize| if lane >> axis & 1 == 0 { -projected } else { projected };
-        let corners = view.voxel_offsets(|lane| [sign(lane, 0), sign(lane, 1), sign(lane, 2)]);
-        Self { half: half * view.voxel_size, corners }
+/// Which half of a cube an eighth lies in along an axis: 0 or 1. Along z neighbours follow each other.
+#[inline(always)]
+pub const fn side(eighth: usize, axis: usize) -> usize {
+    eighth >> (2 - axis) & 1
+}
+
+impl Eighths {
+    /// The eighths of cubes of `edge` voxels along each side, for a rule that reads around each voxel.
+    pub fn new<R: Reads>(view: &View, edge: usize) -> Self {
+        let eighth = edge as f64 / 2.0;
+        let axes = [0, 1, 2].map(|k| view.to_camera(&Vector3::ith(k, 1.0)));
+        let half = (eighth - 1.0) / 2.0 * view.voxel_size;
+        let projected = half + R::HALF_EDGE * view.voxel_size;
+        let extent =
+            |normal: &[f32; 3]| projected as f32 * axes.iter().map(|axis| dot(axis, normal).abs()).sum::<f32>();
+        Self {
+            offsets: view.voxel_offsets(|n| std::array::from_fn(|axis| (side(n, axis) as f64 - 0.5) * eighth)),
+            axes,
+            voxels: half as f32,
+            projected: projected as f32,
+            depth: extent(&[0.0, 0.0, 1.0]),
+            across_sides: view.sides.each_ref().map(extent),
+        }
     }
+
+    /// The nearest and farthest distance of the points in the cube around a centre, with slack for rounding.
+    #[inline(always)]
+    fn distances(&self, point: [f32; 3]) -> (f32, f32) {
+        let (mut near, mut far) = (0.0, 0.0);
+        for axis in &self.axes {
+            let away = dot(axis, &point).abs();
+            let nearest = if away > self.voxels { away - self.voxels } else { 0.0 };
+            near += nearest * nearest;
+            far += (away + self.voxels) * (away + self.voxels);
+        }
+        let far = far.sqrt();
+        (near.sqrt() - DISTANCE_SLACK * far, far + DISTANCE_SLACK * far)
+    }
+
+    /// How far from a centre's column (`across` 0) or row (1) the cube around it may project, in focal lengths.
+    ///
+    /// For p' in the cube around p, x'/z' - x/z = ((x' - x) z - x (z' - z)) / (z' z). The numerator is linear in p', so
+    /// that each of the cube's axes adds its own absolute value; z' is at least z less half the cube's depth.
+    #[inline(always)]
+    fn spread(&self, across: usize, centre: [f32; 3]) -> f32 {
+        let (x, z) = (centre[across], centre[2]);
+        let reach: f32 = self.axes.iter().map(|axis| (axis[across] * z - x * axis[2]).abs()).sum();
+        self.projected * reach / ((z - self.depth) * z)
+    }
+}
+
+#[inline(always)]
+fn dot(a: &[f32; 3], b: &[f32; 3]) -> f32 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 /// What the cull asks: the frame's view, the surfaces in its layers, and the rule that will read them.
@@ -96,55 +151,68 @@ pub struct Scope<'a, R> {
 }
 
 impl<R: Reads> Scope<'_, R> {
-    /// Classifies a cube whose centre lies at `offset` from the camera along the world's axes, at `centre` in its frame.
-    #[inline]
-    pub fn classify(&self, cube: &Cube, offset: &Vector3<f64>, centre: [f32; 3]) -> Class {
-        let corners = cube.corners.moved(centre);
-        if corners.z.iter().all(|&z| z <= 0.0) {
-            return Class::Skip;
+    /// Classifies the eighths whose centres are given.
+    #[inline(always)]
+    pub fn classify(&self, eighths: &Eighths, centres: &Points) -> [Class; 8] {
+        let view = self.view;
+        let [mut near, mut far, mut left, mut right, mut top, mut bottom] = [[0.0f32; 8]; 6];
+        let [mut in_front, mut in_sight, mut inside] = [[false; 8]; 3];
+        for i in 0..8 {
+            let centre = centres.lane(i);
+            let [x, y, z] = centre;
+            (near[i], far[i]) = eighths.distances(centre);
+            let inverse = 1.0 / z;
+            let u = x * inverse * view.focal[0] + view.principal[0];
+            let v = y * inverse * view.focal[1] + view.principal[1];
+            let du = eighths.spread(0, centre) * view.focal[0] + PIXEL_SLACK;
+            let dv = eighths.spread(1, centre) * view.focal[1] + PIXEL_SLACK;
+            (left[i], right[i], top[i], bottom[i]) = (u - du, u + du, v - dv, v + dv);
+            // A cube that reaches behind the camera has no rectangle.
+            in_front[i] = z - eighths.depth > 1e-3;
+            in_sight[i] = (z > -eighths.depth) & (near[i] <= view.max_range);
+            inside[i] = in_front[i] & (far[i] <= view.max_range);
+            for (side, extent) in view.sides.iter().zip(&eighths.across_sides) {
+                let (within, reach) = (dot(side, &centre), extent + PIXEL_SLACK * far[i]);
+                in_sight[i] &= within + reach >= 0.0;
+                inside[i] &= within - reach >= 0.0;
+            }
         }
-        let (near, far) = distances(cube.half, offset);
-        if near > self.view.max_range {
-            return Class::Skip;
+        let mut classes = [Class::Skip; 8];
+        for i in 0..8 {
+            if !in_sight[i] {
+                continue;
+            }
+            classes[i] = if self.enabled && in_front[i] {
+                self.compare(near[i], far[i], [left[i], top[i], right[i], bottom[i]], inside[i])
+            } else {
+                Class::Mixed
+            };
         }
-        let Some(rectangle) = project(self.view, &corners) else { return Class::Mixed };
-        let [width, height] = self.view.image;
-        let [left, top, right, bottom] = rectangle;
-        if right < 0.0 || bottom < 0.0 || left >= width || top >= height {
-            return Class::Skip;
-        }
-        if !self.enabled {
-            return Class::Mixed;
-        }
+        classes
+    }
+
+    /// Compares an interval of distances with the surfaces in a rectangle of the image.
+    #[inline(always)]
+    fn compare(&self, near: f32, far: f32, [left, top, right, bottom]: [f32; 4], inside: bool) -> Class {
         // Farther than max_range no voxel is asked, and the layers that would serve there are not made.
         let read = self.rule.layers(near, far.min(self.view.max_range));
         if read.last - read.first >= MAX_LAYERS {
             return Class::Mixed;
         }
-        let (bounds, gapless) = self.bounds(rectangle, read);
-        if near > bounds.far {
-            return Class::Skip;
-        }
-        let inside = left >= 0.0 && top >= 0.0 && right < width && bottom < height && far <= self.view.max_range;
-        if inside && gapless && far < bounds.near { Class::Free } else { Class::Mixed }
-    }
-
-    /// Bounds over all texels that may be read, and whether every voxel is sure to find a valid one.
-    fn bounds(&self, [left, top, right, bottom]: [f32; 4], read: LayersRead) -> (Bounds, bool) {
         let mut all = Bounds::NONE;
         let mut previous_has_holes = false;
+        // Whether every voxel is sure to find a valid texel.
         let mut gapless = read.certain;
         for i in read.first..=read.last {
             let layer = &self.layers[i];
             let scale = 1.0 / (1u32 << i) as f32;
             let texels = |low: f32, high: f32, size: usize| {
-                let last = (size - 1) as f32;
-                let low = (low * scale - 0.5).floor().clamp(0.0, last);
-                let high = (high * scale - 0.5 + R::REACH).floor().clamp(0.0, last);
-                (low as usize, high as usize)
+                let last = (size - 1) as i32;
+                let texel = |x: f32| (x.floor() as i32).clamp(0, last) as u32;
+                (texel(low * scale - 0.5), texel(high * scale - 0.5 + R::REACH))
             };
             let bounds = layer.bounds(texels(left, right, layer.width), texels(top, bottom, layer.height));
-            let has_holes = bounds.holes > 0.0;
+            let has_holes = bounds.has_holes();
             gapless &= if read.fallback && read.first < read.last {
                 i == read.first || !(has_holes && previous_has_holes)
             } else {
@@ -153,59 +221,34 @@ impl<R: Reads> Scope<'_, R> {
             previous_has_holes = has_holes;
             all = all.union(bounds);
         }
-        (all, gapless)
+        if near > all.far() {
+            Class::Skip
+        } else if inside && gapless && far < all.near() {
+            Class::Free
+        } else {
+            Class::Mixed
+        }
     }
 }
 
-/// The nearest and farthest distance of a point in an axis-aligned cube, with slack for rounding.
-#[inline]
-fn distances(half: f64, offset: &Vector3<f64>) -> (f32, f32) {
-    let away = offset.abs();
-    let near = away.map(|d| (d - half).max(0.0)).norm() as f32;
-    let far = away.map(|d| d + half).norm() as f32;
-    let slack = DISTANCE_SLACK * far;
-    (near - slack, far + slack)
-}
-
-/// Left, top, right and bottom of a cube's image, counted from the image's border, with slack; `None` if the cube
-/// reaches behind the camera.
-#[inline]
-fn project(view: &View, corners: &Points) -> Option<[f32; 4]> {
-    let mut rectangle = [f32::INFINITY, f32::INFINITY, f32::NEG_INFINITY, f32::NEG_INFINITY];
-    if corners.z.iter().any(|&z| z <= 1e-3) {
-        return None;
-    }
-    for i in 0..8 {
-        let inverse = 1.0 / corners.z[i];
-        let u = corners.x[i] * inverse * view.focal[0] + view.principal[0];
-        let v = corners.y[i] * inverse * view.focal[1] + view.principal[1];
-        rectangle = [rectangle[0].min(u), rectangle[1].min(v), rectangle[2].max(u), rectangle[3].max(v)];
-    }
-    let [left, top, right, bottom] = rectangle;
-    Some([left - PIXEL_SLACK, top - PIXEL_SLACK, right + PIXEL_SLACK, bottom + PIXEL_SLACK])
-}
-
-/// Cubes of this many blocks start the descent when the frustum is large.
-const ROOTS_ALONG_FRUSTUM: i32 = 6;
+/// The descent starts from so many cubes along the frustum, each of as many blocks as that takes.
+const ROOTS_ALONG_FRUSTUM: i32 = 3;
 
 /// Sorts the blocks of the frustum into free and mixed ones; the others do not change.
 pub fn cull<R: Reads>(scope: &Scope<R>) -> Culled {
     let (low, high) = frustum_blocks(scope.view);
     let extent = (0..3).map(|axis| high[axis] - low[axis] + 1).max().expect("three axes");
-    let levels = (extent / ROOTS_ALONG_FRUSTUM).max(1).ilog2();
-    let cubes: Vec<Cube> = (0..=levels)
-        .map(|level| Cube::new::<R>(scope.view, f64::from(BLOCK_EDGE as i32) * f64::from(1 << level)))
-        .collect();
+    let levels = (extent / ROOTS_ALONG_FRUSTUM).max(2).ilog2();
+    let sizes: Vec<Eighths> = (1..=levels).map(|level| Eighths::new::<R>(scope.view, BLOCK_EDGE << level)).collect();
     let edge = 1 << levels;
-    let roots: Vec<BlockKey> = (low[0].div_euclid(edge)..=high[0].div_euclid(edge))
-        .flat_map(|x| (low[1].div_euclid(edge)..=high[1].div_euclid(edge)).map(move |y| [x, y]))
-        .flat_map(|[x, y]| (low[2].div_euclid(edge)..=high[2].div_euclid(edge)).map(move |z| [x, y, z]))
-        .map(|root| root.map(|k| k * edge))
+    let along = |axis: usize| low[axis].div_euclid(edge)..=high[axis].div_euclid(edge);
+    let roots: Vec<BlockKey> = along(0)
+        .flat_map(|x| along(1).flat_map(move |y| along(2).map(move |z| [x * edge, y * edge, z * edge])))
         .collect();
     roots
         .par_iter()
         .fold(Culled::default, |mut culled, &root| {
-            descend(scope, &cubes, root, &mut culled);
+            descend(scope, &sizes, root, &mut culled);
             culled
         })
         .reduce(Culled::default, |mut left, mut right| {
@@ -215,29 +258,26 @@ pub fn cull<R: Reads>(scope: &Scope<R>) -> Culled {
         })
 }
 
-/// Classifies a cube of `2^(cubes.len() - 1)` blocks, and its eighths where it is mixed.
-fn descend<R: Reads>(scope: &Scope<R>, cubes: &[Cube], key: BlockKey, culled: &mut Culled) {
-    let (cube, smaller) = cubes.split_last().expect("there is a cube of one block");
-    let edge = 1 << smaller.len();
-    let offset = scope.view.offset_of(key, edge);
-    match scope.classify(cube, &offset, scope.view.to_camera(&offset)) {
-        Class::Skip => {}
-        Class::Free => culled.free.extend(blocks_of(key, edge)),
-        Class::Mixed if edge == 1 => culled.mixed.push(key),
-        Class::Mixed => {
-            let half = edge / 2;
-            for child in blocks_of([0, 0, 0], 2) {
-                descend(scope, smaller, std::array::from_fn(|axis| key[axis] + child[axis] * half), culled);
-            }
+/// Classifies the eighths of a cube of `2^sizes.len()` blocks, and theirs where they are mixed.
+fn descend<R: Reads>(scope: &Scope<R>, sizes: &[Eighths], key: BlockKey, culled: &mut Culled) {
+    let (eighths, smaller) = sizes.split_last().expect("a cube of two blocks' edge is the smallest that is split");
+    let half = 1 << smaller.len();
+    let centre = scope.view.to_camera(&scope.view.offset_of(key, 2 * half));
+    let classes = scope.classify(eighths, &eighths.offsets.moved(centre));
+    for (n, class) in classes.into_iter().enumerate() {
+        let child = std::array::from_fn(|axis| key[axis] + side(n, axis) as i32 * half);
+        match class {
+            Class::Skip => {}
+            Class::Free => culled.free.extend(blocks_of(child, half)),
+            Class::Mixed if half == 1 => culled.mixed.push(child),
+            Class::Mixed => descend(scope, smaller, child, culled),
         }
     }
 }
 
 /// The keys of a cube of `edge` blocks along each axis.
-fn blocks_of(first: BlockKey, edge: i32) -> impl Iterator<Item = BlockKey> {
-    (0..edge).flat_map(move |x| {
-        (0..edge).flat_map(move |y| (0..edge).map(move |z| [first[0] + x, first[1] + y, first[2] + z]))
-    })
+fn blocks_of([x, y, z]: BlockKey, edge: i32) -> impl Iterator<Item = BlockKey> {
+    (0..edge).flat_map(move |i| (0..edge).flat_map(move |j| (0..edge).map(move |k| [x + i, y + j, z + k])))
 }
 
 /// First and last block, along each axis, that the view can reach: the box around the camera and its range's end.

@@ -151,7 +151,7 @@ impl Extremes {
 
 /// Each output is the reduction of a 2 x 2 window of two rows; the last window of an odd width has one column.
 #[inline(always)]
-pub(crate) fn reduce_pairs<T: Copy>(upper: &[T], lower: &[T], out: &mut [T], reduce: impl Fn(T, T) -> T) {
+fn reduce_pairs(upper: &[f32], lower: &[f32], out: &mut [f32], reduce: impl Fn(f32, f32) -> f32) {
     let windows = upper.chunks_exact(2).zip(lower.chunks_exact(2));
     out.iter_mut().zip(windows).for_each(|(out, (u, l))| *out = reduce(reduce(u[0], u[1]), reduce(l[0], l[1])));
     if upper.len() % 2 == 1 {

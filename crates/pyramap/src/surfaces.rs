@@ -3,7 +3,7 @@
 //! The bounds answer, for a rectangle of texels, from which distance on something is not free any more (`near`), up to
 //! which distance something is not hidden yet (`far`), and whether a texel is a hole. They are what the cull asks.
 
-use crate::pyramid::{Layer, reduce_pairs};
+use crate::pyramid::Layer;
 use crate::sensor::{SensorModel, SensorTable};
 use rayon::prelude::*;
 
@@ -18,40 +18,63 @@ pub struct SurfaceLayer {
     pub surface: Vec<f32>,
     /// `1 / sigma` of each texel; a single number where sigma is the same for all.
     pub inv_sigma: Vec<f32>,
-    mips: Vec<Mip>,
+    texels: Windows,
+    windows: Vec<Windows>,
 }
 
-/// Bounds over a rectangle of texels.
+/// Bounds over a rectangle of texels. All four are maxima, so that the bounds of two sets together are one vector
+/// instruction.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Bounds {
-    /// Every voxel nearer than this is free, as far as valid texels are concerned.
-    pub near: f32,
-    /// Every voxel farther than this is hidden; `-inf` if no texel is valid.
-    pub far: f32,
-    /// `1` if some texel has no reading, else `0`.
-    pub holes: f32,
-}
-
-#[derive(Clone, Debug, Default)]
-struct Mip {
-    width: usize,
-    height: usize,
-    bounds: Vec<Bounds>,
-}
+#[repr(C, align(16))]
+pub struct Bounds([f32; 4]);
 
 impl Bounds {
     /// The bounds of no texel at all.
-    pub const NONE: Self = Self { near: f32::INFINITY, far: f32::NEG_INFINITY, holes: 0.0 };
+    pub const NONE: Self = Self([f32::NEG_INFINITY, f32::NEG_INFINITY, 0.0, 0.0]);
+    /// The bounds of a texel without a reading.
+    const HOLE: Self = Self([f32::NEG_INFINITY, f32::NEG_INFINITY, 1.0, 0.0]);
+
+    /// Every voxel nearer than this is free, as far as valid texels are concerned.
+    #[inline(always)]
+    pub fn near(&self) -> f32 {
+        -self.0[0]
+    }
+
+    /// Every voxel farther than this is hidden; `-inf` if no texel is valid.
+    #[inline(always)]
+    pub fn far(&self) -> f32 {
+        self.0[1]
+    }
+
+    /// Whether some texel has no reading.
+    #[inline(always)]
+    pub fn has_holes(&self) -> bool {
+        self.0[2] > 0.0
+    }
 
     /// The bounds of two sets of texels together.
     #[inline(always)]
     pub fn union(self, other: Self) -> Self {
-        Self {
-            near: if self.near < other.near { self.near } else { other.near },
-            far: if self.far > other.far { self.far } else { other.far },
-            holes: if self.holes > other.holes { self.holes } else { other.holes },
-        }
+        Self(std::array::from_fn(|i| if self.0[i] > other.0[i] { self.0[i] } else { other.0[i] }))
     }
+}
+
+/// Rectangles of about so many cells are read: fewer would read faster, and take in more of what lies around.
+const CELLS_ACROSS: u32 = 5;
+
+/// Where the squares of two cells start that cover cells `low..=high`.
+#[inline(always)]
+fn squares(low: usize, high: usize) -> impl Iterator<Item = usize> {
+    let last = high.saturating_sub(1).max(low);
+    (0..=(high - low) / 2).map(move |n| (low + 2 * n).min(last))
+}
+
+/// Bounds over every square of 2 x 2 cells, for cells of `2^level` texels.
+#[derive(Clone, Debug, Default)]
+struct Windows {
+    width: usize,
+    height: usize,
+    bounds: Vec<Bounds>,
 }
 
 impl SurfaceLayer {
@@ -83,57 +106,105 @@ impl SurfaceLayer {
         }
     }
 
-    /// Bounds over windows of 2, 4, 8, ... texels.
+    /// Bounds over squares of 2, 4, 8, ... texels.
     fn bound(&mut self, cutoff: f32) {
-        let texel = |surface: f32, inv_sigma: f32| {
-            let reach = cutoff / inv_sigma;
-            if surface.is_nan() {
-                Bounds { holes: 1.0, ..Bounds::NONE }
-            } else {
-                Bounds { near: surface - reach, far: surface + reach, holes: 0.0 }
-            }
-        };
-        let levels = crate::pyramid::num_layers(self.width, self.height);
-        self.mips.resize_with(levels, Mip::default);
-        let base = &mut self.mips[0];
-        base.fit(self.width, self.height);
+        self.texels.fit(self.width, self.height);
         let inv_sigmas = self.inv_sigma.iter().cycle();
-        let texels = base.bounds.iter_mut().zip(self.surface.iter().zip(inv_sigmas));
-        texels.for_each(|(out, (&surface, &inv_sigma))| *out = texel(surface, inv_sigma));
+        let texels = self.texels.bounds.iter_mut().zip(self.surface.iter().zip(inv_sigmas));
+        texels.for_each(|(out, (&surface, &inv_sigma))| {
+            let reach = cutoff / inv_sigma;
+            *out = if surface.is_nan() { Bounds::HOLE } else { Bounds([reach - surface, surface + reach, 0.0, 0.0]) };
+        });
+        let levels = crate::pyramid::num_layers(self.width, self.height);
+        self.windows.resize_with(levels, Windows::default);
+        self.windows[0].unite(&self.texels, 1);
         for level in 1..levels {
-            let (finer, coarser) = self.mips.split_at_mut(level);
-            coarser[0].halve(&finer[level - 1]);
+            let (finer, coarser) = self.windows.split_at_mut(level);
+            coarser[0].unite(&finer[level - 1], 2);
         }
     }
 
     /// Bounds over texels `x.0..=x.1` by `y.0..=y.1`, all within the layer. The answer may take in neighbouring
-    /// texels: it reads windows large enough that a few of them cover the rectangle.
-    #[inline]
-    pub fn bounds(&self, x: (usize, usize), y: (usize, usize)) -> Bounds {
+    /// texels: it reads the squares of a level at which few of them cover the rectangle.
+    #[inline(always)]
+    pub fn bounds(&self, x: (u32, u32), y: (u32, u32)) -> Bounds {
         let extent = (x.1 - x.0).max(y.1 - y.0);
-        let level = (extent.checked_ilog2().unwrap_or(0) as usize).saturating_sub(1).min(self.mips.len() - 1);
-        let mip = &self.mips[level];
+        let level = (extent / CELLS_ACROSS).checked_ilog2().map_or(0, |log| log as usize + 1);
+        let Some(windows) = self.windows.get(level) else { return self.everywhere() };
+        let cells = |(low, high): (u32, u32)| (low as usize >> level, high as usize >> level);
+        let ((left, right), (top, bottom)) = (cells(x), cells(y));
         let mut bounds = Bounds::NONE;
-        for b in y.0 >> level..=y.1 >> level {
-            let row = &mip.bounds[b * mip.width..(b + 1) * mip.width];
-            bounds = row[x.0 >> level..=x.1 >> level].iter().fold(bounds, |all, &window| all.union(window));
+        for row in squares(top, bottom) {
+            for column in squares(left, right) {
+                bounds = bounds.union(windows.bounds[row * windows.width + column]);
+            }
         }
         bounds
     }
+
+    fn everywhere(&self) -> Bounds {
+        let coarsest = self.windows.last().expect("there is a window of two texels");
+        coarsest.bounds.iter().fold(Bounds::NONE, |all, &window| all.union(window))
+    }
 }
 
-impl Mip {
+impl Windows {
     fn fit(&mut self, width: usize, height: usize) {
         (self.width, self.height) = (width, height);
         self.bounds.resize(width * height, Bounds::NONE);
     }
 
-    fn halve(&mut self, finer: &Mip) {
-        self.fit(finer.width.div_ceil(2), finer.height.div_ceil(2));
+    /// Makes each square of four smaller `parts`: the one at `step` times its own place and the next ones to the right
+    /// and below, one `step` further, or at the border the last there is.
+    fn unite(&mut self, parts: &Windows, step: usize) {
+        self.fit(parts.width.div_ceil(step), parts.height.div_ceil(step));
         let width = self.width;
         self.bounds.par_chunks_mut(width).with_min_len(64).enumerate().for_each(|(b, out)| {
-            let row = |r: usize| &finer.bounds[r * finer.width..(r + 1) * finer.width];
-            reduce_pairs(row(2 * b), row((2 * b + 1).min(finer.height - 1)), out, Bounds::union);
+            let row = |y: usize| &parts.bounds[y * parts.width..(y + 1) * parts.width];
+            let (upper, lower) = (row(b * step), row((b * step + step).min(parts.height - 1)));
+            for (a, out) in out.iter_mut().enumerate() {
+                let (left, right) = (a * step, (a * step + step).min(parts.width - 1));
+                *out = upper[left].union(upper[right]).union(lower[left].union(lower[right]));
+            }
         });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sensor::SensorModel;
+
+    /// Every rectangle of a small layer: the bounds hold for all its texels, and take in none that is more than one
+    /// cell away.
+    #[test]
+    fn bounds_hold_for_every_rectangle() {
+        let (width, height) = (23, 17);
+        let values: Vec<f32> = (0..width * height).map(|i| ((i * 7919) % 101) as f32 * 0.05).collect();
+        let layer = Layer { width, height, values: values.clone() };
+        let model = SensorModel::constant(0.02).unwrap();
+        let table = SensorTable::new(&model);
+        let mut surfaces = SurfaceLayer::default();
+        surfaces.compute(&layer, &model, &table);
+        let reach = table.cutoff() * 0.02;
+        for (x0, x1) in (0..width).flat_map(|x0| (x0..width).map(move |x1| (x0, x1))) {
+            for (y0, y1) in (0..height).flat_map(|y0| (y0..height).map(move |y1| (y0, y1))) {
+                let bounds = surfaces.bounds((x0 as u32, x1 as u32), (y0 as u32, y1 as u32));
+                let texels = |x: std::ops::RangeInclusive<usize>, y: std::ops::RangeInclusive<usize>| {
+                    let inside = y.flat_map(move |y| x.clone().map(move |x| (x, y)));
+                    inside.map(|(x, y)| values[y * width + x]).collect::<Vec<_>>()
+                };
+                let exact = texels(x0..=x1, y0..=y1);
+                for &range in exact.iter().filter(|&&range| range > 0.0) {
+                    assert!(bounds.near() <= range - 0.999 * reach && bounds.far() >= range + 0.999 * reach);
+                }
+                assert!(bounds.has_holes() || exact.iter().all(|&range| range > 0.0));
+                let slack = (x1 - x0).max(y1 - y0);
+                let (right, lower) = ((x1 + slack).min(width - 1), (y1 + slack).min(height - 1));
+                let wider = texels(x0.saturating_sub(slack)..=right, y0.saturating_sub(slack)..=lower);
+                let farthest = wider.iter().fold(0.0f32, |a, &b| a.max(b));
+                assert!(x0 == x1 || y0 == y1 || bounds.far() <= farthest + 1.001 * reach);
+            }
+        }
     }
 }

@@ -37,6 +37,9 @@ pub struct View {
     pub focal: [f32; 2],
     /// The principal point, counted from the image's border: half a pixel more than from the first pixel's centre.
     pub principal: [f32; 2],
+    /// The sides of the frustum, left, right, top, bottom: a point in front of the camera is in the image where its
+    /// products with all four are positive. They grow by one for each pixel into the image at one metre.
+    pub sides: [[f32; 3]; 4],
     /// The distance at which a voxel is one pixel wide (Eq. 11).
     pub t_0: f64,
 }
@@ -44,13 +47,22 @@ pub struct View {
 impl View {
     /// Gathers what the stages need to know of a frame.
     pub fn new(camera: &PinholeCamera, pose: &Pose, voxel_size: f64, max_range: f64) -> Self {
+        let image = [camera.width as f32, camera.height as f32];
+        let focal = [camera.fx as f32, camera.fy as f32];
+        let principal = [(camera.cx + 0.5) as f32, (camera.cy + 0.5) as f32];
         Self {
             pose: *pose,
             voxel_size,
             max_range: max_range as f32,
-            image: [camera.width as f32, camera.height as f32],
-            focal: [camera.fx as f32, camera.fy as f32],
-            principal: [(camera.cx + 0.5) as f32, (camera.cy + 0.5) as f32],
+            image,
+            focal,
+            principal,
+            sides: [
+                [focal[0], 0.0, principal[0]],
+                [-focal[0], 0.0, image[0] - principal[0]],
+                [0.0, focal[1], principal[1]],
+                [0.0, -focal[1], image[1] - principal[1]],
+            ],
             t_0: camera.focal_length() * voxel_size,
         }
     }

@@ -5,6 +5,7 @@ Exit codes: 0 done, 1 failed (the message on stderr says why), 2 wrongly called,
 
 from __future__ import annotations
 
+import logging
 from typing import Annotated
 
 import typer
@@ -40,7 +41,8 @@ def _options(
         bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version.")
     ] = False,
 ) -> None:
-    pass
+    # On its first use Matplotlib tells of its font cache, on stderr.
+    logging.getLogger("matplotlib").setLevel(logging.ERROR)
 
 
 app.command("demo")(run_demo)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Mapping
 from typing import Any
 
@@ -60,15 +59,5 @@ def run_facts(run: Run, skipped: Mapping[int, str]) -> Facts:
         "seconds": run.total_seconds,
         "frames_per_second": run.frames / run.total_seconds if run.frames else None,
         "median_ms": run.median_ms(),
-        "peak_memory_bytes": peak_memory(),
+        "peak_memory_bytes": run.peak_memory_bytes,
     }
-
-
-def peak_memory() -> int | None:
-    """The most memory that this process has had, bytes; None where the system does not say."""
-    try:
-        import resource
-    except ImportError:  # Windows
-        return None
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    return peak if sys.platform == "darwin" else peak * 1024

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections import defaultdict
 from collections.abc import Iterable
 from dataclasses import dataclass, field
@@ -30,6 +31,7 @@ class Run:
         rejected: Frames that the map refused and that were left out, by index, with the reason.
         interrupted: Whether Ctrl-C ended it early.
         failure: Why it ended early, if an error did.
+        peak_memory_bytes: The most memory that this process had until then; None where the system does not say.
     """
 
     poses: list[NDArray[np.float64]] = field(default_factory=list)
@@ -40,6 +42,7 @@ class Run:
     rejected: dict[int, str] = field(default_factory=dict)
     interrupted: bool = False
     failure: str | None = None
+    peak_memory_bytes: int | None = None
 
     @property
     def frames(self) -> int:
@@ -83,6 +86,7 @@ def fuse(grid: OccupancyGrid, frames: Iterable[Frame], total: int, skip_bad: boo
             run.failure = explain(error)
         run.interrupted = interrupts.requested
     run.total_seconds = perf_counter() - start
+    run.peak_memory_bytes = _peak_memory()
     return run
 
 
@@ -101,3 +105,12 @@ def _fuse_one(grid: OccupancyGrid, frame: Frame, run: Run, skip_bad: bool) -> No
     for stage, seconds in stats.seconds.items():
         run.stage_seconds[stage].append(seconds)
     run.poses.append(np.array(frame.world_from_camera))
+
+
+def _peak_memory() -> int | None:
+    try:
+        import resource
+    except ImportError:  # Windows
+        return None
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return peak if sys.platform == "darwin" else peak * 1024

@@ -17,6 +17,8 @@ from .summary import print_files, print_json, print_table, product_rows
 from .terminal import working_on
 from .values import Backend, Numbers
 
+WIDTH, HEIGHT = pictures.SIZE
+
 
 def mesh_map(
     file: MapFile,
@@ -42,6 +44,12 @@ def mesh_map(
     look_at: Annotated[
         Numbers | None, typer.Option(parser=values.point, metavar="X,Y,Z", help="Middle of a picture from --eye.")
     ] = None,
+    size: Annotated[
+        Numbers | None,
+        typer.Option(
+            parser=values.size, metavar="W,H", help=f"Most pixels in width and height; by default {WIDTH},{HEIGHT}."
+        ),
+    ] = None,
     backs: Annotated[
         bool, typer.Option("--backs", help="Draw surfaces seen from behind, in blue, instead of looking through them.")
     ] = False,
@@ -63,7 +71,12 @@ def mesh_map(
         with working_on("saving the mesh"):
             write_mesh(output, mesh)
     if png:
-        draw_mesh(png, mesh, _view(mesh, up, eye, look_at), hide_backs=not backs)
+        draw_mesh(
+            png,
+            mesh,
+            _view(mesh, up, eye, look_at, (int(size[0]), int(size[1])) if size else pictures.SIZE),
+            hide_backs=not backs,
+        )
     facts = {"mesh": mesh_facts(mesh), "files": file_sizes(paths)}
     if as_json:
         print_json(facts)
@@ -72,8 +85,10 @@ def mesh_map(
         print_files(facts)
 
 
-def _view(mesh: Mesh, up: Numbers | None, eye: Numbers | None, look_at: Numbers | None) -> pictures.View:
+def _view(
+    mesh: Mesh, up: Numbers | None, eye: Numbers | None, look_at: Numbers | None, size: tuple[int, int]
+) -> pictures.View:
     upward = pictures.up_from_mesh(mesh.vertices, mesh.faces) if up is None else up
     if eye is not None and look_at is not None:
-        return pictures.looking_at(eye, look_at, upward)
-    return pictures.overview(mesh.vertices, mesh.faces, upward)
+        return pictures.looking_at(eye, look_at, upward, size)
+    return pictures.overview(mesh.vertices, mesh.faces, upward, size)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -28,7 +29,6 @@ class _RateColumn(ProgressColumn):
 
 def frame_progress() -> Progress:
     """A bar with count, rate and time left; nothing at all where stderr is no terminal."""
-    console = Console(stderr=True)
     return Progress(
         TextColumn("{task.description}"),
         BarColumn(),
@@ -37,17 +37,21 @@ def frame_progress() -> Progress:
         TimeElapsedColumn(),
         TextColumn("left"),
         TimeRemainingColumn(),
-        console=console,
-        disable=not console.is_terminal,
+        console=Console(stderr=True),
+        disable=not _is_watched(),
     )
 
 
 @contextmanager
 def working_on(what: str) -> Iterator[None]:
     """Say what goes on during a step without countable parts."""
-    console = Console(stderr=True)
-    if not console.is_terminal:
+    if not _is_watched():
         yield
         return
-    with console.status(what):
+    with Console(stderr=True).status(what):
         yield
+
+
+def _is_watched() -> bool:
+    # Not Rich's own notion, which FORCE_COLOR and the like make true for files and pipes.
+    return sys.stderr.isatty()

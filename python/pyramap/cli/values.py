@@ -36,6 +36,9 @@ class Axis(StrEnum):
     z = "z"
 
 
+MOST_PIXELS = 16384
+"""Along a side of a picture; larger ones would take gigabytes to draw."""
+
 _UNITS = {
     "": 1,
     "B": 1,
@@ -78,6 +81,14 @@ def pair(text: str) -> Numbers:
 def point(text: str) -> Numbers:
     """Three coordinates."""
     return _numbers(text, (3,), "0.5,0,1.2")
+
+
+def size(text: str) -> Numbers:
+    """Width and height in pixels."""
+    numbers = _numbers(text, (2,), "1600,1200")
+    if not all(number in range(1, MOST_PIXELS + 1) for number in numbers):
+        raise typer.BadParameter(f"{text!r} is not a width and a height of 1 to {MOST_PIXELS} whole pixels")
+    return numbers
 
 
 def direction(text: str) -> Numbers:

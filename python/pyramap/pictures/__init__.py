@@ -3,10 +3,11 @@
 from .rendering import mesh_image
 from .scale_bar import with_scale_bar
 from .slices import AXES, Slice, cut, slice_image
-from .views import View, from_pose, looking_at, overview, up_from_mesh, up_from_poses
+from .views import SIZE, View, from_pose, looking_at, overview, up_from_mesh, up_from_poses
 
 __all__ = [
     "AXES",
+    "SIZE",
     "Slice",
     "View",
     "cut",

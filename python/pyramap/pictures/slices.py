@@ -5,11 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.cm import ScalarMappable
-from matplotlib.colors import LinearSegmentedColormap, to_rgb
-from matplotlib.figure import Figure
-from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from .._core import OccupancyGrid
@@ -18,14 +13,8 @@ AXES = "xyz"
 BLOCK = 8
 """Voxels along the edge of a block, as `OccupancyGrid.block_log_odds` returns them."""
 
-UNKNOWN = "#d9d9d9"
-COLOURS = LinearSegmentedColormap.from_list("occupancy", ["#4393c3", "#a6cee9", "#fdf3c4", "#d9601a", "#7a1a04"])
-"""Probability 0 to 1: blue is free, pale is undecided, dark red is occupied; told apart with any colour vision."""
-
 _LONGEST_SIDE = 2000
 """Most cells along a side of a slice; more voxels than that are gathered into cells."""
-_PICTURE_SIDE = 1200
-"""Short slices are magnified by a whole number to about this many pixels."""
 _BLOCKS_AT_ONCE = 4096
 """Bounds the memory of reading: 8 MB of log-odds."""
 
@@ -122,42 +111,10 @@ def slice_image(layer: Slice) -> NDArray[np.uint8]:
     Returns:
         (height, width, 3) uint8 image.
     """
-    rows, columns = layer.log_odds.shape
-    # Whole pixels a cell, so that none is blurred or dropped.
-    magnified = max(1, _PICTURE_SIDE // max(rows, columns))
-    width, height = columns * magnified, rows * magnified
-    left, right, below, above = 90, 150, 110, 50
-    legend_width = 560
-    total_width = left + max(width, legend_width) + right
-    total_height = below + max(height, 200) + above
-    dpi = 100
-    figure = Figure(figsize=(total_width / dpi, total_height / dpi), dpi=dpi, facecolor="white")
-    canvas = FigureCanvasAgg(figure)
+    # Matplotlib takes half a second to load: only who draws a slice waits for it.
+    from .slice_drawing import draw
 
-    box = (left / total_width, below / total_height, width / total_width, height / total_height)
-    axes = figure.add_axes(box)
-    x, y = layer.origin
-    extent = (x, x + columns * layer.cell, y, y + rows * layer.cell)
-    axes.imshow(colours(layer.log_odds), origin="lower", extent=extent, interpolation="nearest", aspect="auto")
-    axes.set_xlabel(f"{AXES[layer.across]} (m)")
-    axes.set_ylabel(f"{AXES[layer.upward]} (m)")
-    axes.set_title(f"{AXES[layer.axis]} = {layer.at:.4g} m, cells of {layer.cell:g} m", loc="left")
-
-    bar = figure.add_axes(((left + width + 25) / total_width, box[1], 18 / total_width, box[3]))
-    figure.colorbar(ScalarMappable(cmap=COLOURS), cax=bar, label="probability of being occupied")
-    states = (("free, p < 0.5", COLOURS(0.1)), ("occupied, p > 0.5", COLOURS(0.9)), ("unknown, never seen", UNKNOWN))
-    patches = [Patch(facecolor=to_rgb(colour), edgecolor="#666666", label=name) for name, colour in states]
-    figure.legend(handles=patches, loc=(box[0], 0.01), ncols=len(patches), frameon=False)
-    canvas.draw()  # type: ignore[no-untyped-call]
-    return np.array(canvas.buffer_rgba())[..., :3]  # type: ignore[no-untyped-call]
-
-
-def colours(log_odds: NDArray[np.float32]) -> NDArray[np.uint8]:
-    """(..., 3) uint8 colours of log-odds: the scale of probabilities, and its own grey for NaN, unknown."""
-    probability = 1 / (1 + np.exp(-np.nan_to_num(log_odds, nan=0.0).astype(np.float64)))
-    rgb = COLOURS(probability)[..., :3]
-    rgb[np.isnan(log_odds)] = to_rgb(UNKNOWN)
-    return np.asarray(np.round(255 * rgb), dtype=np.uint8)
+    return draw(layer)
 
 
 def _trim(cells: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.int64]]:

@@ -123,8 +123,8 @@ def overview(vertices: ArrayLike, faces: ArrayLike, up: ArrayLike = (0, 0, 1), s
         return float(sizes @ cosines**2) * _scale(np.ptp(centres @ axes[:, :2], axis=0), size)
 
     axes = max((_looking_down(_unit(up), math.radians(degrees)) for degrees in range(0, 360, 15)), key=shown)
-    corners = vertices[np.unique(some)] @ axes
-    low, high = corners.min(axis=0), corners.max(axis=0)
+    within = vertices @ axes
+    low, high = within.min(axis=0), within.max(axis=0)
     extent = (high - low)[:2] * _MARGIN
     scale = _scale(extent, size)
     pixels = (max(1, round(extent[0] * scale)), max(1, round(extent[1] * scale)))

@@ -11,8 +11,8 @@ pub mod ideal;
 pub mod min_layer;
 pub mod pyramid;
 
-use crate::block::{BLOCK_VOXELS, BlockData, BlockKey, voxel_offset};
-use crate::cull::{Class, Cube, Reads, Scope};
+use crate::block::{BLOCK_EDGE, BLOCK_VOXELS, BlockData, BlockKey, voxel_offset};
+use crate::cull::{Class, Eighths, Reads, Scope, side};
 use crate::log_odds::{self, STEPS};
 use crate::pyramid::Selection;
 use crate::sensor::SensorTable;
@@ -104,35 +104,19 @@ pub fn layer_of(q: f32, count: usize) -> usize {
     exponent.clamp(0, count as i32 - 1) as usize
 }
 
-/// Voxels along an edge of a sub-block, the smallest cube that is culled as one.
-const SUB_EDGE: usize = 4;
-const SUBS: usize = 8;
-
-/// The 64 voxels of a sub-block as eight times eight lanes: two rows of four.
-const fn voxel_in_sub(group: usize, lane: usize) -> [usize; 3] {
-    [group / 2, group % 2 * 2 + lane / SUB_EDGE, lane % SUB_EDGE]
-}
-
-/// Where the parts of any block lie relative to its centre: computed once a frame.
+/// A block by its eighths, theirs, and theirs, which are single voxels: positions are the same for all blocks of a frame.
 struct BlockLayout {
-    cube: Cube,
-    /// Centre of each sub-block, along the world's axes and in the camera's frame.
-    subs: [(nalgebra::Vector3<f64>, [f32; 3]); SUBS],
-    /// Voxel centres of a sub-block relative to its centre, in the camera's frame.
-    groups: [Points; 8],
+    /// Cubes of 4 x 4 x 4 voxels.
+    quarters: Eighths,
+    /// Cubes of 2 x 2 x 2 voxels: eight lanes.
+    pairs: Eighths,
+    voxels: Eighths,
 }
 
 impl BlockLayout {
     fn new<R: Reads>(view: &View) -> Self {
-        let quarter = SUB_EDGE as f64 / 2.0;
-        let subs = std::array::from_fn(|sub| {
-            let side = |axis: usize| if sub >> (2 - axis) & 1 == 0 { -quarter } else { quarter };
-            let offset = nalgebra::Vector3::new(side(0), side(1), side(2)) * view.voxel_size;
-            (offset, view.to_camera(&offset))
-        });
-        let from_centre = |i: usize| i as f64 + 0.5 - SUB_EDGE as f64 / 2.0;
-        let groups = std::array::from_fn(|group| view.voxel_offsets(|lane| voxel_in_sub(group, lane).map(from_centre)));
-        Self { cube: Cube::new::<R>(view, SUB_EDGE as f64), subs, groups }
+        let eighths = |edge| Eighths::new::<R>(view, edge);
+        Self { quarters: eighths(BLOCK_EDGE), pairs: eighths(BLOCK_EDGE / 2), voxels: eighths(BLOCK_EDGE / 4) }
     }
 }
 
@@ -187,25 +171,32 @@ fn update_sub_blocks<R: Rule>(
     key: BlockKey,
     out: &mut BlockData,
 ) {
-    let block_offset = scope.view.offset_of(key, 1);
-    let block_centre = scope.view.to_camera(&block_offset);
     let free = to_increment(frame.table.free());
-    for (sub, (offset, in_camera)) in layout.subs.iter().enumerate() {
-        let centre = std::array::from_fn(|axis| block_centre[axis] + in_camera[axis]);
-        let class = scope.classify(&layout.cube, &(block_offset + offset), centre);
-        let first = [sub >> 2 & 1, sub >> 1 & 1, sub & 1].map(|side| side * SUB_EDGE);
-        for group in 0..8 {
+    let centre = scope.view.to_camera(&scope.view.offset_of(key, 1));
+    let quarters = layout.quarters.offsets.moved(centre);
+    for (q, class) in scope.classify(&layout.quarters, &quarters).into_iter().enumerate() {
+        if class != Class::Mixed {
+            (0..8).for_each(|p| store(out, q, p, [if class == Class::Free { free } else { 0 }; 8]));
+            continue;
+        }
+        let pairs = layout.pairs.offsets.moved(quarters.lane(q));
+        for (p, class) in scope.classify(&layout.pairs, &pairs).into_iter().enumerate() {
             let values = match class {
                 Class::Skip => [0; 8],
                 Class::Free => [free; 8],
-                Class::Mixed => update_lanes(scope, frame, &layout.groups[group].moved(centre)),
+                Class::Mixed => update_lanes(scope, frame, &layout.voxels.offsets.moved(pairs.lane(p))),
             };
-            for row in 0..2 {
-                let [x, y, z] = voxel_in_sub(group, row * SUB_EDGE);
-                let start = voxel_offset(first[0] + x, first[1] + y, first[2] + z);
-                out[start..start + SUB_EDGE].copy_from_slice(&values[row * SUB_EDGE..(row + 1) * SUB_EDGE]);
-            }
+            store(out, q, p, values);
         }
+    }
+}
+
+/// Puts the eight voxels of pair cube `p` in quarter cube `q` where they lie in the block.
+#[inline(always)]
+fn store(out: &mut BlockData, q: usize, p: usize, values: [i32; 8]) {
+    let first: [usize; 3] = std::array::from_fn(|axis| 4 * side(q, axis) + 2 * side(p, axis));
+    for n in 0..8 {
+        out[voxel_offset(first[0] + side(n, 0), first[1] + side(n, 1), first[2] + side(n, 2))] = values[n];
     }
 }
 

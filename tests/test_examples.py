@@ -1,0 +1,58 @@
+"""Every example runs as its reader would run it, with fewer frames, and says what it promises."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import trimesh
+from pyramap import OccupancyGrid
+
+EXAMPLES = Path(__file__).parents[1] / "examples"
+
+SMALL = {
+    "first_map.py": ["--frames", "4"],
+    "correct_a_pose.py": ["--frames", "4"],
+    "merge_maps.py": ["--frames", "6"],
+    "spheres_accuracy.py": ["--quick"],
+}
+"""Arguments that make an example quick. Those not named here are run without any."""
+
+
+def run(name: str, *arguments: str) -> str:
+    command = [sys.executable, "-W", "error", str(EXAMPLES / name), *SMALL.get(name, []), *arguments]
+    result = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
+    assert result.returncode == 0, result.stderr
+    assert not result.stderr
+    return result.stdout
+
+
+def test_first_map(tmp_path: Path) -> None:
+    printed = run("first_map.py", "--folder", str(tmp_path))
+    assert all(f": {state}, " in printed for state in ("free", "occupied", "unknown"))
+    assert OccupancyGrid.load(tmp_path / "first_map.pmap").num_frames == 4
+    mesh = trimesh.load_mesh(tmp_path / "first_map.ply")
+    assert len(mesh.faces) > 1000
+
+
+def test_correct_a_pose() -> None:
+    assert "the same to the last byte" in run("correct_a_pose.py")
+
+
+def test_merge_maps() -> None:
+    printed = run("merge_maps.py")
+    assert "is the same" in printed
+    assert "both have seen 0 voxels" not in printed
+
+
+def test_spheres_accuracy() -> None:
+    lines = run("spheres_accuracy.py").splitlines()
+    root_mean_square = {line.split()[-1]: float(line.split()[6]) for line in lines if line.endswith("best")}
+    assert root_mean_square["best"] < 5.0  # millimetres
+
+
+@pytest.mark.parametrize("name", sorted(path.name for path in EXAMPLES.glob("*.py") if path.name not in SMALL))
+def test_other_examples_run(name: str) -> None:
+    assert run(name)
