@@ -120,7 +120,7 @@ def test_the_threads_do_not_change_an_image() -> None:
 def test_errors_name_what_was_wrong() -> None:
     scene = pm.scenes.box()
     with pytest.raises(ValueError, match=r'scene is "boxes", expected "box", "spheres" or "office_loop"'):
-        Scene("boxes")
+        Scene("boxes")  # type: ignore[arg-type]
     with pytest.raises(ValueError, match=r"points have shape \[3\], expected \(N, 3\)"):
         scene.signed_distance(np.zeros(3))
     with pytest.raises(ValueError, match=r"world_from_camera has shape \[3, 3\]"):

@@ -1,8 +1,8 @@
 """Probabilistic 3D occupancy mapping from depth images: what is free, what is occupied, what nobody has seen.
 
-The method is that of Pirker, Rüther, Schweighofer and Bischof (2011), "the paper" in these pages. Camera axes are x right,
-y down, z forward; integer pixel coordinates are pixel centres; depth is z-depth in metres; a pose is `world_from_camera`,
-(4, 4) float64.
+The method is that of Pirker, Rüther, Schweighofer and Bischof (2011), "the paper" in these pages. Camera axes are x
+right, y down, z forward; integer pixel coordinates are pixel centres; depth is z-depth in metres; a pose is
+`world_from_camera`, (4, 4) float64.
 """
 
 from . import datasets, scenes
