@@ -11,8 +11,9 @@ use std::path::{Path, PathBuf};
 
 /// The robot has walked this many frames of its loop, and plans to walk the next.
 const WALKED: usize = 40;
-const PLANNED: usize = 30;
-/// It needs this much room to each side, metres.
+const PLANNED: usize = 40;
+/// Its body is this far above the floor, and needs this much room to each side, metres.
+const BODY_HEIGHT: f64 = 0.7;
 const CLEARANCE: f64 = 0.25;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -74,7 +75,7 @@ fn integrate(grid: &mut OccupancyGrid, depth: &[f32], office: &Scene, pose: &Pos
 /// The first step of a way on which the robot's body would not be in free space, what is there, and its probability.
 fn first_obstacle(grid: &OccupancyGrid, way: &[Pose]) -> Result<Option<(usize, State, f32)>, Error> {
     for (step, pose) in way.iter().enumerate() {
-        let [x, y, z] = pose.translation.into();
+        let (x, y, z) = (pose.translation.x, pose.translation.y, BODY_HEIGHT);
         let sides = [-CLEARANCE, 0.0, CLEARANCE];
         let body: Vec<_> = sides.iter().flat_map(|dx| sides.map(|dy| [x + dx, y + dy, z])).collect();
         let states = grid.state(&body)?;
