@@ -120,7 +120,7 @@ SAMPLINGS: dict[str, Sampling] = {
 
 
 def log_odds(view: View, sampling: Sampling, centres: Array) -> tuple[int, Array]:
-    """How many texels a voxel reads, and the weighted mean of what their valid readings say, (N,); 0 if there is none."""
+    """How many texels a voxel reads, and the weighted mean of what the valid ones say, (N,); 0 where none is valid."""
     ranges, z, (u, v, weight) = view.ranges(), view.project(centres)[2], sampling(view, centres)
     readings = ranges[nearest(v, ranges.shape[0]), nearest(u, ranges.shape[1])]
     weight = np.where(np.isnan(readings), 0.0, weight)

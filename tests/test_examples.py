@@ -13,6 +13,7 @@ from pyramap import OccupancyGrid
 EXAMPLES = Path(__file__).parents[1] / "examples"
 
 SMALL = {
+    "area_sampling.py": ["--quick"],
     "first_map.py": ["--frames", "4"],
     "correct_a_pose.py": ["--frames", "4"],
     "merge_maps.py": ["--frames", "6"],
@@ -51,6 +52,17 @@ def test_spheres_accuracy() -> None:
     lines = run("spheres_accuracy.py").splitlines()
     root_mean_square = {line.split()[-1]: float(line.split()[6]) for line in lines if line.endswith("best")}
     assert root_mean_square["best"] < 5.0  # millimetres
+
+
+def test_area_sampling() -> None:
+    tables = run("area_sampling.py").split("\n\n")
+    assert len(tables) == 3
+    for table in tables:
+        (chosen,) = [line for line in table.splitlines() if line.endswith("chosen")]
+        texels, mean, p99, times_smaller = chosen.split(")")[1].split("(")[0].split()
+        assert int(texels) == 8
+        assert 0.0 < float(mean) < float(p99)
+        assert float(times_smaller) > 7.0  # of a single view; `test_area.py` holds several to the aim
 
 
 @pytest.mark.parametrize("name", sorted(path.name for path in EXAMPLES.glob("*.py") if path.name not in SMALL))

@@ -2,7 +2,7 @@
 //!
 //! The host owns the directory; a backend is told slots. Everything that reads a map reads blocks through here.
 
-use crate::block::{BlockData, BlockKey};
+use crate::block::{Block, BlockData, BlockKey};
 use crate::camera::PinholeCamera;
 use crate::cull::Culled;
 use crate::depth::DepthImage;
@@ -27,6 +27,24 @@ pub enum Source {
     Uniform(i32),
     /// Those of the `n`-th mixed block of the frame.
     Mixed(usize),
+}
+
+/// What an addition starts from.
+#[derive(Clone, Copy, Debug)]
+pub enum Base {
+    /// The voxels of a slot.
+    Slot(u32),
+    /// A new block, all of one value.
+    Value(i32),
+}
+
+/// What came of a commit.
+#[derive(Clone, Debug, Default)]
+pub struct Committed {
+    /// How many voxels `i32` was too small for.
+    pub lost: u64,
+    /// The additions, by their place in the list, after which all voxels of the slot have one value, and that value.
+    pub uniform: Vec<(usize, i32)>,
 }
 
 /// The range of stored evidence: that of `i32`, or less in a clamped map.
@@ -66,18 +84,23 @@ pub trait Backend: Send + Sync {
     fn cull(&mut self, config: &GridConfig) -> Culled;
     /// What the frame does to each mixed block (Alg. 1). The increments stay on the device.
     fn update(&mut self, config: &GridConfig, mixed: &[BlockKey]) -> &[Change];
-    /// Adds to slots, times `sign`, within limits; each slot occurs once. Returns how many voxels
-    /// `i32` was too small for.
-    fn commit(&mut self, additions: &[Addition], sign: i32, limits: Limits) -> u64;
+    /// Adds to slots, times `sign`, within limits; each slot occurs once.
+    fn commit(&mut self, additions: &[Addition], sign: i32, limits: Limits) -> Committed;
 
-    /// Slots in the pool, used or free.
-    fn slots(&self) -> usize;
+    /// Bytes that the pool takes.
+    fn pool_bytes(&self) -> usize;
+    /// Bytes by which the pool would grow at most if so many additions were made to slots, and to new ones.
+    fn most_growth(&self, to_slots: usize, to_new: usize) -> usize;
+    /// Bytes by which the pool would grow if an addition of the present frame were made.
+    fn growth(&self, base: Base, source: Source, sign: i32, limits: Limits) -> usize;
+    /// Bytes by which the pool would grow if a block were stored in a slot, or a new one.
+    fn growth_to(&self, slot: Option<u32>, values: &BlockData) -> usize;
     /// A slot whose voxels all have one value.
     fn allocate(&mut self, value: i32) -> u32;
     /// Gives a slot back.
     fn release(&mut self, slot: u32);
     /// The voxels of a slot.
-    fn read(&self, slot: u32) -> &BlockData;
+    fn read(&self, slot: u32) -> Block<'_>;
     /// Replaces the voxels of a slot.
     fn write(&mut self, slot: u32, values: &BlockData);
 }

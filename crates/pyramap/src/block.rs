@@ -17,6 +17,8 @@ pub type BlockKey = [i32; 3];
 pub type VoxelIndex = [i32; 3];
 /// The stored evidence of one block's voxels, fixed point, in the order of [`voxel_offset`].
 pub type BlockData = [i32; BLOCK_VOXELS];
+/// The same in half the room, for evidence within +-8 log-odds.
+pub type NarrowBlockData = [i16; BLOCK_VOXELS];
 
 /// Where voxel `(x, y, z)` of a block, each in `0..8`, lies in [`BlockData`].
 #[inline]
@@ -37,6 +39,8 @@ pub fn locate(voxel: VoxelIndex) -> (BlockKey, usize) {
 pub enum Block<'a> {
     /// Every voxel has this one value; `0` is unknown.
     Uniform(i32),
+    /// Each voxel has its own value, all of them small.
+    Narrow(&'a NarrowBlockData),
     /// Each voxel has its own value.
     Dense(&'a BlockData),
 }
@@ -47,8 +51,30 @@ impl Block<'_> {
     pub fn value(&self, offset: usize) -> i32 {
         match self {
             Block::Uniform(value) => *value,
+            Block::Narrow(values) => i32::from(values[offset]),
             Block::Dense(values) => values[offset],
         }
+    }
+
+    /// The values of all voxels, in the order of [`voxel_offset`].
+    #[inline]
+    pub fn to_data(&self) -> BlockData {
+        match self {
+            Block::Uniform(value) => [*value; BLOCK_VOXELS],
+            Block::Narrow(values) => values.map(i32::from),
+            Block::Dense(values) => **values,
+        }
+    }
+
+    /// The one value of all voxels, if they have the same.
+    pub fn uniform_value(&self) -> Option<i32> {
+        let first = self.value(0);
+        let uniform = match self {
+            Block::Uniform(_) => true,
+            Block::Narrow(values) => values.iter().all(|&value| i32::from(value) == first),
+            Block::Dense(values) => values.iter().all(|&value| value == first),
+        };
+        uniform.then_some(first)
     }
 }
 

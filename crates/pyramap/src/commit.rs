@@ -1,6 +1,6 @@
 //! Stage 5, commit: the frame's increments are added to the map, all of them or, if it would grow too large, none.
 
-use crate::backend::{Addition, Backend, Limits, Source};
+use crate::backend::{Addition, Backend, Base, Limits, Source};
 use crate::block::{BLOCK_VOXELS, BlockKey};
 use crate::cull::Culled;
 use crate::directory::{self, Directory, Entry};
@@ -54,10 +54,12 @@ impl Commit<'_> {
         let Self { changes: Changes { uniform, dense }, sign, limits, directory } = self;
         let mut lost = 0;
         let mut additions = Vec::with_capacity(dense.len());
+        let mut keys = Vec::with_capacity(dense.len());
         for &(key, increment) in uniform {
             let value = match directory.get(&key) {
                 Some(&Entry::Dense(slot)) => {
                     additions.push(Addition { slot, source: Source::Uniform(increment) });
+                    keys.push(key);
                     continue;
                 }
                 Some(&Entry::Uniform(value)) => value,
@@ -75,27 +77,55 @@ impl Commit<'_> {
             };
             directory.insert(key, Entry::Dense(slot));
             additions.push(Addition { slot, source: Source::Mixed(n) });
+            keys.push(key);
         }
-        Ok(lost + backend.commit(&additions, sign, limits))
+        let committed = backend.commit(&additions, sign, limits);
+        for (n, value) in committed.uniform {
+            backend.release(additions[n].slot);
+            set_uniform(directory, keys[n], value);
+        }
+        Ok(lost + committed.lost)
     }
 
     fn check_budget(&self, backend: &dyn Backend, max_bytes: Option<usize>) -> Result<()> {
         let Some(max_bytes) = max_bytes else { return Ok(()) };
         let Changes { uniform, dense } = self.changes;
-        let entry = |key| self.directory.get(key);
-        let new_slots = dense.iter().filter(|(key, _)| !matches!(entry(key), Some(Entry::Dense(_)))).count();
-        let new_entries = uniform.iter().map(|(key, _)| key).chain(dense.iter().map(|(key, _)| key));
-        let entries = self.directory.len() + new_entries.filter(|key| entry(key).is_none()).count();
-        budget(self.directory, entries, backend.slots() + new_slots, Some(max_bytes))
+        let entry = |key: &BlockKey| self.directory.get(key).copied();
+        let keys = || uniform.iter().map(|(key, _)| key).chain(dense.iter().map(|(key, _)| key));
+        let entries = self.directory.len() + keys().filter(|key| entry(key).is_none()).count();
+        let to_slots = keys().filter(|key| matches!(entry(key), Some(Entry::Dense(_)))).count();
+        let to_new = dense.iter().filter(|(key, _)| !matches!(entry(key), Some(Entry::Dense(_)))).count();
+        if budget(self.directory, entries, backend, backend.most_growth(to_slots, to_new), Some(max_bytes)).is_ok() {
+            return Ok(());
+        }
+        // The most that the frame may need does not fit: see what it does need.
+        let base = |key: &BlockKey| match entry(key) {
+            Some(Entry::Dense(slot)) => Base::Slot(slot),
+            Some(Entry::Uniform(value)) => Base::Value(value),
+            None => Base::Value(0),
+        };
+        let growth = |base, source| backend.growth(base, source, self.sign, self.limits);
+        let to_slots = uniform.iter().filter_map(|(key, increment)| match base(key) {
+            Base::Value(_) => None,
+            slot => Some(growth(slot, Source::Uniform(*increment))),
+        });
+        let mixed = dense.iter().map(|(key, n)| growth(base(key), Source::Mixed(*n)));
+        budget(self.directory, entries, backend, to_slots.chain(mixed).sum(), Some(max_bytes))
     }
 }
 
-/// Refuses a map that would take more than it may.
+/// Refuses a map that would take more than it may, with so many entries and so many more bytes in the pool.
 ///
 /// # Errors
 /// [`Error::MapFull`].
-pub fn budget(directory: &Directory, entries: usize, slots: usize, max_bytes: Option<usize>) -> Result<()> {
-    let needed = directory::bytes(directory.capacity().max(entries), slots);
+pub fn budget(
+    directory: &Directory,
+    entries: usize,
+    backend: &dyn Backend,
+    growth: usize,
+    max_bytes: Option<usize>,
+) -> Result<()> {
+    let needed = directory::bytes(directory.capacity().max(entries)) + backend.pool_bytes() + growth;
     match max_bytes {
         Some(max_bytes) if needed > max_bytes => Err(Error::MapFull { needed, max_bytes }),
         _ => Ok(()),

@@ -1,12 +1,13 @@
-//! The CPU backend: every stage on rayon's threads, and a pool of boxed blocks.
+//! The CPU backend: every stage on rayon's threads, and the pool.
 
-use crate::backend::{Addition, Backend, Limits, Source};
-use crate::block::{BLOCK_VOXELS, BlockData, BlockKey};
+use crate::backend::{Addition, Backend, Base, Committed, Limits, Source};
+use crate::block::{BLOCK_VOXELS, Block, BlockData, BlockKey};
 use crate::camera::PinholeCamera;
 use crate::cull::{Culled, Scope, cull};
 use crate::depth::DepthImage;
 use crate::error::Result;
 use crate::grid::GridConfig;
+use crate::pool::Pool;
 use crate::pose::Pose;
 use crate::pyramid::Pyramid;
 use crate::ranges::Ranges;
@@ -18,7 +19,6 @@ use crate::update::min_layer::MinLayer;
 use crate::update::pyramid::Pyramid as PyramidRule;
 use crate::update::{Change, UpdateRule, update};
 use crate::view::View;
-use rayon::prelude::*;
 use std::mem::take;
 
 /// Buffers of the stages, kept from frame to frame, and the pool.
@@ -31,8 +31,7 @@ pub struct CpuBackend {
     view: Option<View>,
     increments: Vec<BlockData>,
     changes: Vec<Change>,
-    pool: Vec<Option<Box<BlockData>>>,
-    unused: Vec<u32>,
+    pool: Pool,
 }
 
 impl CpuBackend {
@@ -47,8 +46,7 @@ impl CpuBackend {
             view: None,
             increments: Vec::new(),
             changes: Vec::new(),
-            pool: Vec::new(),
-            unused: Vec::new(),
+            pool: Pool::default(),
         }
     }
 
@@ -111,70 +109,50 @@ impl Backend for CpuBackend {
         &self.changes
     }
 
-    fn commit(&mut self, additions: &[Addition], sign: i32, limits: Limits) -> u64 {
-        // Each slot's box is taken out of the pool, so that threads own the blocks they add to.
-        let mut taken: Vec<(Box<BlockData>, Source)> = additions
-            .iter()
-            .map(|addition| (self.pool[addition.slot as usize].take().expect(IN_USE), addition.source))
-            .collect();
-        let increments = &self.increments;
-        let lost = taken
-            .par_iter_mut()
-            .with_min_len(16)
-            .map(|(values, source)| match *source {
-                Source::Uniform(increment) => add(values, |_| increment * sign, limits),
-                Source::Mixed(n) => {
-                    let increments = &increments[n];
-                    add(values, |i| increments[i] * sign, limits)
-                }
-            })
-            .sum();
-        for (addition, (values, _)) in additions.iter().zip(taken) {
-            self.pool[addition.slot as usize] = Some(values);
-        }
-        lost
+    fn commit(&mut self, additions: &[Addition], sign: i32, limits: Limits) -> Committed {
+        self.pool.add(additions, &self.increments, sign, limits)
     }
 
-    fn slots(&self) -> usize {
-        self.pool.len() - self.unused.len()
+    fn pool_bytes(&self) -> usize {
+        self.pool.bytes()
+    }
+
+    fn most_growth(&self, to_slots: usize, to_new: usize) -> usize {
+        self.pool.most_growth(to_slots, to_new)
+    }
+
+    fn growth(&self, base: Base, source: Source, sign: i32, limits: Limits) -> usize {
+        let (mut values, slot) = match base {
+            Base::Slot(slot) => (self.pool.read(slot).to_data(), Some(slot)),
+            Base::Value(value) => ([value; BLOCK_VOXELS], None),
+        };
+        for (i, value) in values.iter_mut().enumerate() {
+            let increment = match source {
+                Source::Uniform(increment) => increment,
+                Source::Mixed(n) => self.increments[n][i],
+            };
+            *value = limits.add(*value, increment * sign).0;
+        }
+        self.pool.growth_to(slot, &values)
+    }
+
+    fn growth_to(&self, slot: Option<u32>, values: &BlockData) -> usize {
+        self.pool.growth_to(slot, values)
     }
 
     fn allocate(&mut self, value: i32) -> u32 {
-        let values = Some(Box::new([value; BLOCK_VOXELS]));
-        if let Some(slot) = self.unused.pop() {
-            self.pool[slot as usize] = values;
-            slot
-        } else {
-            self.pool.push(values);
-            (self.pool.len() - 1) as u32
-        }
+        self.pool.allocate(value)
     }
 
     fn release(&mut self, slot: u32) {
-        self.pool[slot as usize] = None;
-        self.unused.push(slot);
+        self.pool.release(slot);
     }
 
-    fn read(&self, slot: u32) -> &BlockData {
-        self.pool[slot as usize].as_ref().expect(IN_USE)
+    fn read(&self, slot: u32) -> Block<'_> {
+        self.pool.read(slot)
     }
 
     fn write(&mut self, slot: u32, values: &BlockData) {
-        **self.pool[slot as usize].as_mut().expect(IN_USE) = *values;
+        self.pool.write(slot, values);
     }
-}
-
-/// The directory names only slots that it was given and has not given back.
-const IN_USE: &str = "a slot that is in use";
-
-/// Adds increments to a block; how many voxels they were too much for.
-#[inline(always)]
-fn add(values: &mut BlockData, increment: impl Fn(usize) -> i32, limits: Limits) -> u64 {
-    let mut lost = 0u32;
-    for (i, value) in values.iter_mut().enumerate() {
-        let (sum, overflow) = limits.add(*value, increment(i));
-        *value = sum;
-        lost += u32::from(overflow);
-    }
-    u64::from(lost)
 }

@@ -13,7 +13,6 @@
 //! memory is taken for what was read, and a block section cannot unpack to more than its 4096 blocks can hold.
 
 use crate::block::{BLOCK_VOXELS, Block, BlockKey, Blocks, MAX_BLOCK};
-use crate::directory::uniform_value;
 use crate::error::{Error, Result};
 use crate::grid::{GridConfig, OccupancyGrid};
 use rayon::prelude::*;
@@ -103,13 +102,11 @@ impl OccupancyGrid {
     }
 
     fn record(&self, key: BlockKey) -> Option<Record> {
-        let content = match self.block(key)? {
-            Block::Uniform(value) => Content::Uniform(value),
-            Block::Dense(values) => match uniform_value(values) {
-                Some(0) => return None,
-                Some(value) => Content::Uniform(value),
-                None => Content::Dense(values.to_vec()),
-            },
+        let block = self.block(key)?;
+        let content = match block.uniform_value() {
+            Some(0) => return None,
+            Some(value) => Content::Uniform(value),
+            None => Content::Dense(block.to_data().to_vec()),
         };
         Some(Record { key, content })
     }

@@ -6,7 +6,7 @@ use crate::camera::PinholeCamera;
 use crate::commit::{Changes, Commit, budget, set_uniform};
 use crate::cpu::CpuBackend;
 use crate::depth::DepthImage;
-use crate::directory::{self, Directory, Entry, uniform_value};
+use crate::directory::{self, Directory, Entry};
 use crate::error::{Error, Result};
 use crate::log_odds::{self, UNIT};
 use crate::pose::Pose;
@@ -213,7 +213,6 @@ impl OccupancyGrid {
 
         let commit = Commit { changes: &changes, sign, limits: config.limits(), directory: &mut self.directory };
         stats.saturated = commit.apply(backend, config.max_bytes)?;
-        self.collapse(&changes);
         watch.lap(|seconds| &mut seconds.commit);
 
         stats.seconds = watch.seconds();
@@ -227,18 +226,6 @@ impl OccupancyGrid {
         match pose.translation.iter().find(|c| c.abs() > limit) {
             Some(&got) => Err(Error::OutOfBounds { what: "camera", got, limit, voxel_size: self.config.voxel_size }),
             None => Ok(()),
-        }
-    }
-
-    /// Dense blocks whose voxels have all become equal give their slot back.
-    fn collapse(&mut self, changes: &Changes) {
-        for &(key, _) in &changes.dense {
-            if let Some(&Entry::Dense(slot)) = self.directory.get(&key)
-                && let Some(value) = uniform_value(self.backend.read(slot))
-            {
-                self.backend.release(slot);
-                set_uniform(&mut self.directory, key, value);
-            }
         }
     }
 
@@ -261,26 +248,31 @@ impl OccupancyGrid {
         if mine.clamp != theirs.clamp {
             return refuse("clamp", format!("{:?}", mine.clamp), format!("{:?}", theirs.clamp));
         }
-        let is_new = |key: &&BlockKey| !self.directory.contains_key(*key);
-        let becomes_dense = |(key, entry): &(&BlockKey, &Entry)| {
-            matches!(entry, Entry::Dense(_)) && !matches!(self.directory.get(*key), Some(Entry::Dense(_)))
-        };
-        let entries = self.directory.len() + other.directory.keys().filter(is_new).count();
-        let slots = self.backend.slots() + other.directory.iter().filter(becomes_dense).count();
-        budget(&self.directory, entries, slots, self.config.max_bytes)?;
-
         let limits = self.config.limits();
-        for &key in other.directory.keys() {
-            let (Some(theirs), mine) = (other.block(key), self.block(key).unwrap_or(Block::Uniform(0))) else {
-                continue;
-            };
+        let sums = |key| {
+            let block = |grid: &Self| grid.block(key).unwrap_or(Block::Uniform(0)).to_data();
+            let (mut sums, theirs) = (block(self), block(other));
             let mut lost = 0;
-            let sums: BlockData = std::array::from_fn(|i| {
-                let (sum, overflow) = limits.add(mine.value(i), theirs.value(i));
+            for (sum, theirs) in sums.iter_mut().zip(theirs) {
+                let (limited, overflow) = limits.add(*sum, theirs);
+                *sum = limited;
                 lost += u64::from(overflow);
-                sum
-            });
-            self.set_block(key, &sums);
+            }
+            (sums, lost)
+        };
+        if self.config.max_bytes.is_some() {
+            let new = other.directory.keys().filter(|key| !self.directory.contains_key(*key)).count();
+            let growth = |key: &BlockKey| match sums(*key).0 {
+                values if Block::Dense(&values).uniform_value().is_some() => 0,
+                values => self.backend.growth_to(self.slot(*key), &values),
+            };
+            let growth = other.directory.keys().map(growth).sum();
+            let entries = self.directory.len() + new;
+            budget(&self.directory, entries, self.backend.as_ref(), growth, self.config.max_bytes)?;
+        }
+        let merged: Vec<_> = other.directory.keys().map(|&key| (key, sums(key))).collect();
+        for (key, (values, lost)) in merged {
+            self.set_block(key, &values);
             self.saturated = self.saturated.saturating_add(lost);
         }
         self.num_frames = self.num_frames.saturating_add(other.num_frames);
@@ -288,13 +280,17 @@ impl OccupancyGrid {
         Ok(())
     }
 
-    /// Stores a block in the form that fits it.
-    fn set_block(&mut self, key: BlockKey, values: &BlockData) {
-        let slot = match self.directory.get(&key) {
+    /// The slot of a dense block.
+    fn slot(&self, key: BlockKey) -> Option<u32> {
+        match self.directory.get(&key) {
             Some(&Entry::Dense(slot)) => Some(slot),
             _ => None,
-        };
-        match (uniform_value(values), slot) {
+        }
+    }
+
+    /// Stores a block in the form that fits it.
+    fn set_block(&mut self, key: BlockKey, values: &BlockData) {
+        match (Block::Dense(values).uniform_value(), self.slot(key)) {
             (Some(value), slot) => {
                 slot.into_iter().for_each(|slot| self.backend.release(slot));
                 set_uniform(&mut self.directory, key, value);
@@ -318,7 +314,7 @@ impl OccupancyGrid {
         for (key, block) in blocks {
             match block {
                 Block::Uniform(value) => set_uniform(&mut self.directory, key, value),
-                Block::Dense(values) => self.set_block(key, values),
+                block => self.set_block(key, &block.to_data()),
             }
         }
         (self.num_frames, self.saturated) = (num_frames, saturated);
@@ -343,7 +339,7 @@ impl OccupancyGrid {
     pub fn num_observed(&self) -> usize {
         let observed = |block: Block| match block {
             Block::Uniform(_) => BLOCK_VOXELS,
-            Block::Dense(values) => values.iter().filter(|&&value| value != 0).count(),
+            block => block.to_data().iter().filter(|&&value| value != 0).count(),
         };
         self.directory.keys().filter_map(|&key| self.block(key)).map(observed).sum()
     }
@@ -360,7 +356,7 @@ impl OccupancyGrid {
 
     /// Bytes that the map takes: dense blocks and directory.
     pub fn nbytes(&self) -> usize {
-        directory::bytes(self.directory.capacity(), self.backend.slots())
+        directory::bytes(self.directory.capacity()) + self.backend.pool_bytes()
     }
 
     /// Lowest and highest corner, metres, of the box around all blocks; `None` for an empty map.
@@ -383,7 +379,7 @@ impl Blocks for OccupancyGrid {
     fn block(&self, key: BlockKey) -> Option<Block<'_>> {
         self.directory.get(&key).map(|entry| match *entry {
             Entry::Uniform(value) => Block::Uniform(value),
-            Entry::Dense(slot) => Block::Dense(self.backend.read(slot)),
+            Entry::Dense(slot) => self.backend.read(slot),
         })
     }
 

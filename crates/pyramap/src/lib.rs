@@ -24,6 +24,7 @@ pub mod file;
 pub mod grid;
 pub mod log_odds;
 pub mod mesh;
+pub mod pool;
 pub mod pose;
 pub mod pyramid;
 pub mod query;

@@ -65,8 +65,9 @@ impl OccupancyGrid {
         out.par_chunks_mut(BLOCK_VOXELS).zip(keys).for_each(|(out, &key)| match self.block(key) {
             None => {}
             Some(Block::Uniform(evidence)) => out.fill(known_log_odds(evidence, l_0)),
-            Some(Block::Dense(values)) => {
-                out.iter_mut().zip(values).for_each(|(out, &e)| *out = known_log_odds(e, l_0))
+            Some(block) => {
+                let voxels = out.iter_mut().zip(block.to_data());
+                voxels.for_each(|(out, evidence)| *out = known_log_odds(evidence, l_0));
             }
         });
         out

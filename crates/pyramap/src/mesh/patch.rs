@@ -94,6 +94,10 @@ impl<'a> Neighbourhood<'a> {
             row[0] = before.0.value(offset + BLOCK_EDGE - 1);
             match own.0 {
                 Block::Uniform(evidence) => row[1..=BLOCK_EDGE].fill(evidence),
+                Block::Narrow(values) => {
+                    let narrow = &values[offset..offset + BLOCK_EDGE];
+                    row[1..=BLOCK_EDGE].iter_mut().zip(narrow).for_each(|(out, &value)| *out = i32::from(value));
+                }
                 Block::Dense(values) => row[1..=BLOCK_EDGE].copy_from_slice(&values[offset..offset + BLOCK_EDGE]),
             }
             row[BLOCK_EDGE + 1] = behind.0.value(offset);

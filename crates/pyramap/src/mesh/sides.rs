@@ -51,7 +51,8 @@ impl Sides {
             Block::Uniform(evidence) if !surface.is_known(evidence) => Self::UNKNOWN,
             Block::Uniform(evidence) if surface.is_inside(evidence) => Self::INSIDE,
             Block::Uniform(_) => Self::OUTSIDE,
-            Block::Dense(values) => {
+            block => {
+                let values = block.to_data();
                 let mut sides = Self::UNKNOWN;
                 for (x, slab) in values.as_chunks().0.iter().enumerate() {
                     let known = bits(slab, |evidence| surface.is_known(evidence));

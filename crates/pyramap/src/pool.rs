@@ -1,0 +1,221 @@
+//! The CPU's pool of dense blocks: 16 bits a voxel as long as that is enough, 32 from then on.
+//!
+//! Whether a block is narrow is no part of what a map holds: it changes neither sums nor files.
+
+use crate::backend::{Addition, Committed, Limits, Source};
+use crate::block::{BLOCK_VOXELS, Block, BlockData, NarrowBlockData};
+use rayon::prelude::*;
+use std::mem::size_of;
+
+/// The blocks, by slot.
+#[derive(Default)]
+pub struct Pool {
+    slots: Vec<Option<Voxels>>,
+    unused: Vec<u32>,
+    num_narrow: usize,
+    num_wide: usize,
+}
+
+enum Voxels {
+    Narrow(Box<NarrowBlockData>),
+    Wide(Box<BlockData>),
+}
+
+/// The directory names only slots that it was given and has not given back.
+const IN_USE: &str = "a slot that is in use";
+
+impl Pool {
+    /// Bytes of all blocks, and of the table of slots.
+    pub fn bytes(&self) -> usize {
+        self.num_narrow * size_of::<NarrowBlockData>()
+            + self.num_wide * size_of::<BlockData>()
+            + self.slots.capacity() * size_of::<Option<Voxels>>()
+            + self.unused.capacity() * size_of::<u32>()
+    }
+
+    /// Bytes by which the pool would grow at most: narrow blocks may widen, and new ones be wide.
+    pub fn most_growth(&self, to_slots: usize, to_new: usize) -> usize {
+        to_slots * (size_of::<BlockData>() - size_of::<NarrowBlockData>()) + to_new * size_of::<BlockData>()
+    }
+
+    /// Bytes by which the pool would grow if `values` were stored in a slot, or a new one.
+    pub fn growth_to(&self, slot: Option<u32>, values: &BlockData) -> usize {
+        let needed = if narrowed(values).is_some() { size_of::<NarrowBlockData>() } else { size_of::<BlockData>() };
+        let taken = slot.map_or(0, |slot| match self.voxels(slot) {
+            Voxels::Narrow(_) => size_of::<NarrowBlockData>(),
+            Voxels::Wide(_) => size_of::<BlockData>(),
+        });
+        needed.saturating_sub(taken)
+    }
+
+    /// A slot whose voxels all have one value.
+    pub fn allocate(&mut self, value: i32) -> u32 {
+        let slot = self.unused.pop().unwrap_or_else(|| {
+            self.slots.push(None);
+            (self.slots.len() - 1) as u32
+        });
+        self.put(slot, Voxels::new(&[value; BLOCK_VOXELS]));
+        slot
+    }
+
+    /// Gives a slot back.
+    pub fn release(&mut self, slot: u32) {
+        self.take(slot);
+        self.unused.push(slot);
+    }
+
+    /// The voxels of a slot.
+    pub fn read(&self, slot: u32) -> Block<'_> {
+        match self.voxels(slot) {
+            Voxels::Narrow(values) => Block::Narrow(values),
+            Voxels::Wide(values) => Block::Dense(values),
+        }
+    }
+
+    /// Replaces the voxels of a slot.
+    pub fn write(&mut self, slot: u32, values: &BlockData) {
+        self.take(slot);
+        self.put(slot, Voxels::new(values));
+    }
+
+    /// Adds to each slot, in parallel; `mixed` holds the increments that [`Source::Mixed`] names.
+    pub fn add(&mut self, additions: &[Addition], mixed: &[BlockData], sign: i32, limits: Limits) -> Committed {
+        // Each slot's block is taken out of the pool, so that threads own the blocks they add to.
+        let mut taken: Vec<_> = additions.iter().map(|addition| (self.take(addition.slot), addition.source)).collect();
+        let results: Vec<Added> = taken
+            .par_iter_mut()
+            .with_min_len(16)
+            .map(|(voxels, source)| match *source {
+                Source::Uniform(increment) => voxels.add(|_| increment * sign, limits),
+                Source::Mixed(n) => {
+                    let increments = &mixed[n];
+                    voxels.add(|i| increments[i] * sign, limits)
+                }
+            })
+            .collect();
+        for (addition, (voxels, _)) in additions.iter().zip(taken) {
+            self.put(addition.slot, voxels);
+        }
+        let uniform = results.iter().enumerate().filter_map(|(n, added)| added.uniform.map(|value| (n, value)));
+        Committed { lost: results.iter().map(|added| added.lost).sum(), uniform: uniform.collect() }
+    }
+
+    fn voxels(&self, slot: u32) -> &Voxels {
+        self.slots[slot as usize].as_ref().expect(IN_USE)
+    }
+
+    fn take(&mut self, slot: u32) -> Voxels {
+        let voxels = self.slots[slot as usize].take().expect(IN_USE);
+        *self.count(&voxels) -= 1;
+        voxels
+    }
+
+    fn put(&mut self, slot: u32, voxels: Voxels) {
+        *self.count(&voxels) += 1;
+        self.slots[slot as usize] = Some(voxels);
+    }
+
+    fn count(&mut self, voxels: &Voxels) -> &mut usize {
+        match voxels {
+            Voxels::Narrow(_) => &mut self.num_narrow,
+            Voxels::Wide(_) => &mut self.num_wide,
+        }
+    }
+}
+
+/// What an addition did to a block.
+struct Added {
+    /// Voxels that `i32` was too small for.
+    lost: u64,
+    /// The value of all voxels, if they have the same now.
+    uniform: Option<i32>,
+}
+
+impl Voxels {
+    fn new(values: &BlockData) -> Self {
+        match narrowed(values) {
+            Some(narrow) => Voxels::Narrow(Box::new(narrow)),
+            None => Voxels::Wide(Box::new(*values)),
+        }
+    }
+
+    /// Adds to all voxels; a narrow block that is too small for the sums becomes wide.
+    #[inline(always)]
+    fn add(&mut self, increment: impl Fn(usize) -> i32, limits: Limits) -> Added {
+        let mut lost = 0u32;
+        let mut sum = |value: i32, i: usize| {
+            let (sum, overflow) = limits.add(value, increment(i));
+            lost += u32::from(overflow);
+            sum
+        };
+        let uniform = match self {
+            Voxels::Wide(values) => {
+                values.iter_mut().enumerate().for_each(|(i, value)| *value = sum(*value, i));
+                Block::Dense(values).uniform_value()
+            }
+            Voxels::Narrow(values) => {
+                let mut sums = values.map(i32::from);
+                sums.iter_mut().enumerate().for_each(|(i, value)| *value = sum(*value, i));
+                match narrowed(&sums) {
+                    Some(narrow) => **values = narrow,
+                    None => *self = Voxels::Wide(Box::new(sums)),
+                }
+                Block::Dense(&sums).uniform_value()
+            }
+        };
+        Added { lost: u64::from(lost), uniform }
+    }
+}
+
+/// The values in 16 bits, if all fit.
+#[inline(always)]
+fn narrowed(values: &BlockData) -> Option<NarrowBlockData> {
+    let misfits = values.iter().fold(0, |misfits, &value| misfits | (value ^ i32::from(value as i16)));
+    (misfits == 0).then(|| values.map(|value| value as i16))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const LIMITS: Limits = Limits { low: i32::MIN, high: i32::MAX };
+
+    fn add(pool: &mut Pool, slot: u32, increments: &BlockData) -> Committed {
+        pool.add(&[Addition { slot, source: Source::Mixed(0) }], std::slice::from_ref(increments), 1, LIMITS)
+    }
+
+    #[test]
+    fn blocks_widen_when_they_must_and_bytes_say_so() {
+        let mut pool = Pool::default();
+        let slot = pool.allocate(5);
+        let narrow = pool.bytes();
+        let ramp: BlockData = std::array::from_fn(|i| i as i32 * 60);
+        assert!(add(&mut pool, slot, &ramp).uniform.is_empty());
+        assert!(matches!(pool.read(slot), Block::Narrow(_)));
+        assert_eq!(pool.bytes(), narrow);
+
+        let doubled = ramp.map(|value| 2 * value + 5);
+        let growth = pool.growth_to(Some(slot), &doubled);
+        add(&mut pool, slot, &ramp);
+        assert!(matches!(pool.read(slot), Block::Dense(values) if *values == doubled));
+        assert_eq!(pool.bytes(), narrow + growth);
+        assert_eq!(growth, 1024);
+
+        let back = add(&mut pool, slot, &doubled.map(|value| 7 - value));
+        assert_eq!((back.lost, back.uniform), (0, vec![(0, 7)]));
+        pool.release(slot);
+        assert_eq!(pool.allocate(40_000), slot);
+        assert!(matches!(pool.read(slot), Block::Dense(_)));
+    }
+
+    #[test]
+    fn sums_beyond_32_bits_are_counted() {
+        let mut pool = Pool::default();
+        let slot = pool.allocate(0);
+        let mut increments = [0; BLOCK_VOXELS];
+        (increments[3], increments[4]) = (i32::MAX, i32::MIN + 1);
+        assert_eq!(add(&mut pool, slot, &increments).lost, 0);
+        assert_eq!(add(&mut pool, slot, &increments).lost, 2);
+        assert_eq!((pool.read(slot).value(3), pool.read(slot).value(4)), (i32::MAX, i32::MIN));
+    }
+}
