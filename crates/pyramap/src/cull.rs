@@ -10,7 +10,7 @@
 #![allow(clippy::needless_range_loop, reason = "lanes of several arrays go together, by their number")]
 
 use crate::block::{BLOCK_EDGE, BlockKey};
-use crate::surfaces::{Bounds, SurfaceLayer};
+use crate::surfaces::{Bounds, SurfaceLayer, texel};
 use crate::view::{Points, View};
 use nalgebra::Vector3;
 use rayon::prelude::*;
@@ -207,9 +207,8 @@ impl<R: Reads> Scope<'_, R> {
             let layer = &self.layers[i];
             let scale = 1.0 / (1u32 << i) as f32;
             let texels = |low: f32, high: f32, size: usize| {
-                let last = (size - 1) as i32;
-                let texel = |x: f32| (x.floor() as i32).clamp(0, last) as u32;
-                (texel(low * scale - 0.5), texel(high * scale - 0.5 + R::REACH))
+                let last = (size - 1) as f32;
+                (texel(low * scale - 0.5, last), texel(high * scale - 0.5 + R::REACH, last))
             };
             let bounds = layer.bounds(texels(left, right, layer.width), texels(top, bottom, layer.height));
             let has_holes = bounds.has_holes();

@@ -59,14 +59,26 @@ impl Bounds {
     }
 }
 
-/// Rectangles of about so many cells are read: fewer would read faster, and take in more of what lies around.
+/// The texel that holds a coordinate, which counts from the first texel's border; clamped to a layer, NaN to its start.
+#[inline(always)]
+pub fn texel(x: f32, last: f32) -> u32 {
+    let x = if x > 0.0 { x } else { 0.0 };
+    let x = if x < last { x } else { last };
+    // SAFETY: between 0 and `last`, which is a size in texels. Cut off, for a number that is not negative, is rounded down.
+    unsafe { x.to_int_unchecked() }
+}
+
+/// Rectangles are read as at most so many cells along a side, and one more where they do not begin with a cell: fewer
+/// would read faster, and take in more of what lies around.
 const CELLS_ACROSS: u32 = 5;
 
-/// Where the squares of two cells start that cover cells `low..=high`.
+/// Where three squares start that cover the cells of `2^level` texels from the one that holds texel `low` to the one that
+/// holds `high`, up to six of them. That some squares may be the same costs less than to find out.
 #[inline(always)]
-fn squares(low: usize, high: usize) -> impl Iterator<Item = usize> {
+fn squares((low, high): (u32, u32), level: usize) -> [usize; 3] {
+    let (low, high) = (low as usize >> level, high as usize >> level);
     let last = high.saturating_sub(1).max(low);
-    (0..=(high - low) / 2).map(move |n| (low + 2 * n).min(last))
+    [low, (low + 2).min(last), last]
 }
 
 /// Bounds over every square of 2 x 2 cells, for cells of `2^level` texels.
@@ -131,11 +143,10 @@ impl SurfaceLayer {
         let extent = (x.1 - x.0).max(y.1 - y.0);
         let level = (extent / CELLS_ACROSS).checked_ilog2().map_or(0, |log| log as usize + 1);
         let Some(windows) = self.windows.get(level) else { return self.everywhere() };
-        let cells = |(low, high): (u32, u32)| (low as usize >> level, high as usize >> level);
-        let ((left, right), (top, bottom)) = (cells(x), cells(y));
+        let (columns, rows) = (squares(x, level), squares(y, level));
         let mut bounds = Bounds::NONE;
-        for row in squares(top, bottom) {
-            for column in squares(left, right) {
+        for row in rows {
+            for column in columns {
                 bounds = bounds.union(windows.bounds[row * windows.width + column]);
             }
         }

@@ -3,8 +3,9 @@
 //! The ideal (Eq. 8) weights each ray by its length inside the voxel, and rays through a volume have their length in
 //! proportion to the volume around them: points spread evenly in the voxel are a sample of just that weight.
 
-use super::{Frame, Pixels, Rule, texel};
+use super::{Frame, Pixels, Rule};
 use crate::cull::{LayersRead, Reads};
+use crate::surfaces::texel;
 use crate::view::{Lanes, Points, View};
 
 /// The sample points of a voxel, relative to its centre, in the camera's frame, metres.
@@ -13,8 +14,8 @@ pub struct Area {
 }
 
 impl Area {
-    /// The rule for one view: eight points of a lattice, so placed that along each axis all eight differ. Of the sets
-    /// of eight that were tried it comes nearest to the ideal; `examples/area_sampling.py` is the experiment.
+    /// The rule for one view: eight points of a lattice, so placed that along each axis all eight differ: they
+    /// come nearer to the ideal than the middles of the voxel's eighths. `examples/area_sampling.py` is the experiment.
     pub fn new(view: &View) -> Self {
         let place = |sample: usize, step: f64| ((sample as f64 + 0.5) * step / 8.0).fract() - 0.5;
         Self { samples: view.voxel_offsets(|sample| [place(sample, 1.0), place(sample, 5.0), place(sample, 7.0)]) }

@@ -1,6 +1,6 @@
 //! The paper's baseline, after Andert 2009: minimum ranges, one layer, bilinear within it.
 
-use super::{Frame, Pixels, Rule, bilinear, layer_of};
+use super::{Frame, Pixels, Rule, bilinear, layer_of, layers_of};
 use crate::cull::{LayersRead, Reads};
 use crate::view::{Lanes, Points};
 
@@ -27,17 +27,12 @@ impl Reads for MinLayer {
 impl Rule for MinLayer {
     #[inline(always)]
     fn log_odds(&self, frame: &Frame, _: &Points, pixels: &Pixels) -> Lanes {
-        let mut layer = [0; 8];
-        for n in 0..8 {
-            layer[n] = layer_of(self.t_0 / pixels.range[n], self.count);
-        }
-        let first = layer.iter().fold(self.count, |least, &i| least.min(i));
-        let last = layer.iter().fold(0, |most, &i| most.max(i));
+        let layers = layers_of(self.t_0, self.count, &pixels.range);
         let mut result = [f32::NAN; 8];
-        for i in first..=last {
+        for i in layers.first..=layers.last {
             let here = bilinear(frame, i, pixels);
             for n in 0..8 {
-                result[n] = if layer[n] == i { here[n] } else { result[n] };
+                result[n] = if layers.each[n] == i as i32 { here[n] } else { result[n] };
             }
         }
         result

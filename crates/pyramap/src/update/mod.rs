@@ -16,7 +16,7 @@ use crate::cull::{Class, Eighths, Reads, Scope, side};
 use crate::log_odds::{self, STEPS};
 use crate::pyramid::Selection;
 use crate::sensor::SensorTable;
-use crate::surfaces::SurfaceLayer;
+use crate::surfaces::{SurfaceLayer, texel};
 use crate::view::{Lanes, Points, View};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -102,6 +102,31 @@ pub struct Pixels {
 pub fn layer_of(q: f32, count: usize) -> usize {
     let exponent = (q.to_bits() >> 23) as i32 - 127;
     exponent.clamp(0, count as i32 - 1) as usize
+}
+
+/// The layers of eight voxels.
+struct LayersOf {
+    each: [i32; 8],
+    first: usize,
+    last: usize,
+}
+
+/// [`layer_of`] for eight voxels at once.
+#[inline(always)]
+fn layers_of(t_0: f32, count: usize, range: &Lanes) -> LayersOf {
+    let mut each = [0; 8];
+    for n in 0..8 {
+        each[n] = layer_of(t_0 / range[n], count) as i32;
+    }
+    let first = each.iter().fold(i32::MAX, |least, &i| if i < least { i } else { least });
+    let last = each.iter().fold(0, |most, &i| if i > most { i } else { most });
+    LayersOf { each, first: first as usize, last: last as usize }
+}
+
+/// `2^i`, for the number of a layer.
+#[inline(always)]
+fn power_of_two(i: i32) -> f32 {
+    f32::from_bits(((i + 127) as u32) << 23)
 }
 
 /// A block by its eighths, theirs, and theirs, which are single voxels: positions are the same for all blocks of a frame.
@@ -312,13 +337,4 @@ impl Taps {
         }
         taps
     }
-}
-
-/// A coordinate clamped to a layer; NaN becomes 0.
-#[inline(always)]
-fn texel(x: f32, last: f32) -> u32 {
-    let x = if x > 0.0 { x } else { 0.0 };
-    let x = if x < last { x } else { last };
-    // SAFETY: between 0 and `last`, which is a size in pixels.
-    unsafe { x.to_int_unchecked() }
 }

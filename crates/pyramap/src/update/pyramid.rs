@@ -1,6 +1,6 @@
 //! The paper's rule: bilinear in two neighbouring layers, linear between them (Eq. 12 to 17).
 
-use super::{Frame, Pixels, Rule, bilinear, layer_of};
+use super::{Frame, Pixels, Rule, bilinear, layer_of, layers_of, power_of_two};
 use crate::cull::{LayersRead, Reads};
 use crate::view::{Lanes, Points};
 
@@ -29,32 +29,26 @@ impl Reads for Pyramid {
 impl Rule for Pyramid {
     #[inline(always)]
     fn log_odds(&self, frame: &Frame, _: &Points, pixels: &Pixels) -> Lanes {
-        let mut layer = [0; 8];
+        let layers = layers_of(self.t_0, self.count, &pixels.range);
+        let last = self.count as i32 - 1;
         let mut towards_next: Lanes = [0.0; 8];
+        let mut served_alone = [false; 8];
         for n in 0..8 {
-            let q = self.t_0 / pixels.range[n];
-            layer[n] = layer_of(q, self.count);
-            let alone = (q < 1.0) | (layer[n] == self.count - 1);
-            // Eq. 17, with t_(i+1) = t_i / 2: (z - t_i) / (t_(i+1) - t_i) = 2 (1 - z / t_i), and z / t_i = 2^i / q.
-            towards_next[n] = if alone { 0.0 } else { 2.0 - 2.0 * ((1u32 << layer[n]) as f32 / q) };
+            // Eq. 17, with t_(i+1) = t_i / 2: (z - t_i) / (t_(i+1) - t_i) = 2 (1 - z / t_i).
+            towards_next[n] = 2.0 - 2.0 * (pixels.range[n] * power_of_two(layers.each[n]) / self.t_0);
+            served_alone[n] = (pixels.range[n] > self.t_0) | (layers.each[n] == last);
         }
-        let first = layer.iter().fold(self.count, |least, &i| least.min(i));
-        let last = layer.iter().fold(0, |most, &i| most.max(i));
         let mut result = [f32::NAN; 8];
-        let mut here = bilinear(frame, first, pixels);
-        for i in first..=last {
-            let next = if i + 1 < self.count { bilinear(frame, i + 1, pixels) } else { [f32::NAN; 8] };
+        let mut here = bilinear(frame, layers.first, pixels);
+        for i in layers.first..=layers.last {
+            let next = if i + 1 < self.count { bilinear(frame, i + 1, pixels) } else { here };
             for n in 0..8 {
-                let alone = (i == self.count - 1) | (pixels.range[n] > self.t_0);
-                let blended = here[n] + towards_next[n] * (next[n] - here[n]);
-                let served = if next[n].is_nan() | alone {
-                    here[n]
-                } else if here[n].is_nan() {
-                    next[n]
-                } else {
-                    blended
-                };
-                result[n] = if layer[n] == i { served } else { result[n] };
+                let (l_i, l_next) = (here[n], next[n]);
+                let has_next = !l_next.is_nan() & !served_alone[n];
+                let blended = l_i + towards_next[n] * (l_next - l_i);
+                let both = if l_i.is_nan() { l_next } else { blended };
+                let served = if has_next { both } else { l_i };
+                result[n] = if layers.each[n] == i as i32 { served } else { result[n] };
             }
             here = next;
         }
