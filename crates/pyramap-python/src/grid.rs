@@ -364,15 +364,16 @@ impl OccupancyGrid {
     /// Args:
     ///     level: Log-odds of the surface; 0 is a probability of one half.
     ///     min_evidence: Voxels whose log-odds without the prior are nearer to 0 than this count as unknown.
+    ///     min_faces: Pieces of the surface with fewer faces are left out; faces that share an edge are of one piece.
     ///
     /// Returns:
     ///     The mesh, without vertices if there is no such surface.
     ///
     /// Raises:
     ///     ValueError: If `level` is beyond what a map can hold, or `min_evidence` is negative or not a number.
-    #[pyo3(signature = (level = 0.0, min_evidence = 0.0))]
-    fn mesh(&self, py: Python<'_>, level: f64, min_evidence: f64) -> PyResult<Mesh> {
-        let options = MeshOptions { level, min_evidence };
+    #[pyo3(signature = (level = 0.0, min_evidence = 0.0, min_faces = 0))]
+    fn mesh(&self, py: Python<'_>, level: f64, min_evidence: f64, min_faces: usize) -> PyResult<Mesh> {
+        let options = MeshOptions { level, min_evidence, min_faces };
         let mesh = self.ask(py, |grid| pyramap::mesh::extract(grid, &options))?;
         Mesh::new(py, mesh)
     }

@@ -16,6 +16,7 @@
 
 mod cases;
 mod patch;
+mod pieces;
 mod sides;
 
 use crate::block::{Block, BlockKey, Blocks};
@@ -36,11 +37,13 @@ pub struct MeshOptions {
     /// Voxels whose evidence (log-odds without the prior) is nearer to zero than this count as unknown, as those
     /// without any always do.
     pub min_evidence: f64,
+    /// Pieces of the surface with fewer faces than this are left out; faces that share an edge are of one piece.
+    pub min_faces: usize,
 }
 
 impl Default for MeshOptions {
     fn default() -> Self {
-        Self { level: 0.0, min_evidence: 0.0 }
+        Self { level: 0.0, min_evidence: 0.0, min_faces: 0 }
     }
 }
 
@@ -77,15 +80,16 @@ pub fn extract(blocks: &(impl Blocks + ?Sized), options: &MeshOptions) -> Result
             patches[patch.entry as usize] = Some((first + patch.first_vertex, &patch.edges));
         }
     }
-    Ok(Mesh {
+    let mesh = Mesh {
         vertices: gather(&chunks, |chunk| chunk.vertices.len(), |chunk, out| out.copy_from_slice(&chunk.vertices)),
         faces: gather(&chunks, |chunk| chunk.num_faces, |chunk, out| chunk.write_faces(&patches, out)),
         normals: gather(&chunks, |chunk| chunk.normals.len(), |chunk, out| out.copy_from_slice(&chunk.normals)),
-    })
+    };
+    Ok(pieces::without_small_pieces(mesh, options.min_faces))
 }
 
 fn surface_sought(blocks: &(impl Blocks + ?Sized), options: &MeshOptions) -> Result<Surface> {
-    let MeshOptions { level, min_evidence } = *options;
+    let MeshOptions { level, min_evidence, .. } = *options;
     let refuse = |name, got: f64, expected| Err(Error::Parameter { name, got: got.to_string(), expected });
     let (prior, most) = (blocks.prior_log_odds(), -from_fixed(i32::MIN));
     if !(-most..=most).contains(&(level - prior)) {

@@ -382,7 +382,7 @@ fn vertices_and_faces_are_those_of_the_oracle() {
             map.blocks.remove(&[0, -1, 0]);
             map.blocks.get_mut(&[-1, 0, 0]).unwrap().fill(2);
             map.blocks.get_mut(&[-1, 0, -1]).unwrap().fill(-1);
-            let options = MeshOptions { level, min_evidence };
+            let options = MeshOptions { level, min_evidence, ..Default::default() };
             let vertices = assert_follows_oracle(&map, -10..10, &options);
             // A third of the voxels is weak where `min_evidence` counts: few cells are left, with 30 % unknown none.
             assert!(vertices > 0 || (min_evidence > 0.0 && unknown_percent == 30), "there is something to test");
@@ -445,7 +445,7 @@ fn normals_beside_unknown_voxels_are_those_of_the_field() {
 fn min_evidence_makes_weak_voxels_unknown() {
     // One log-odd a voxel around a plane: the voxels beside it have 0.5, the next 1.5.
     let map = Map::of_field(-1..1, 1.0, |p| -p[0]);
-    let faces = |min_evidence| extract(&map, &MeshOptions { level: 0.0, min_evidence }).unwrap().faces.len();
+    let faces = |min_evidence| extract(&map, &MeshOptions { min_evidence, ..Default::default() }).unwrap().faces.len();
     assert_eq!(faces(0.0), 15 * 15 * 2);
     assert_eq!(faces(0.5), 15 * 15 * 2, "as much as the least is enough");
     assert_eq!(faces(0.5 + UNIT / 2.0), 0);
@@ -527,7 +527,7 @@ fn options_out_of_range_are_refused() {
         (0.0, 524_289.0, "min_evidence"),
         (0.0, -0.1, "min_evidence"),
     ] {
-        let error = extract(&map, &MeshOptions { level, min_evidence }).unwrap_err();
+        let error = extract(&map, &MeshOptions { level, min_evidence, ..Default::default() }).unwrap_err();
         assert!(matches!(error, Error::Parameter { name: refused, .. } if refused == name), "{error}");
     }
 }
