@@ -9,7 +9,7 @@ export VIRTUAL_ENV := $(CURDIR)/$(VENV)
 export PYO3_PYTHON := $(CURDIR)/$(PY)
 unexport CONDA_PREFIX
 
-.PHONY: demo test setup build lint test-rust test-python bench clean
+.PHONY: demo test setup build lint test-rust test-python bench bench-peers bench-peers-full peers clean
 
 demo: build
 	$(VENV)/bin/pyramap demo -o out
@@ -39,8 +39,9 @@ lint: build
 	$(PY) -m mypy
 	MYPYPATH=python $(PY) -m mypy.stubtest pyramap._core
 
+# Warnings in tests are errors too: clippy has looked at all targets.
 test-rust: setup
-	RUSTFLAGS="-D warnings" cargo test --workspace --locked --quiet
+	cargo test --workspace --locked --quiet
 	cargo run --locked --quiet -p embed
 
 test-python: build
@@ -49,5 +50,21 @@ test-python: build
 bench: setup
 	cargo bench --locked -p pyramap-benches
 
+# What users would pick instead, in an environment of its own; ARGS are for the comparison (see benches/peers/README.md).
+PEERS := .venv-peers
+bench-peers: peers
+	PYTHONPATH=benches $(PEERS)/bin/python -m peers $(ARGS)
+
+bench-peers-full: peers
+	PYTHONPATH=benches $(PEERS)/bin/python -m peers.full_run $(ARGS)
+
+peers: setup | $(PEERS)
+	rm -rf $(PEERS)/wheels
+	$(VENV)/bin/maturin build --release --locked --quiet --out $(PEERS)/wheels
+	$(PEERS)/bin/python -m pip install --quiet --disable-pip-version-check -r benches/peers/requirements.txt $(PEERS)/wheels/*
+	$(PEERS)/bin/python -m pip install --quiet --disable-pip-version-check --force-reinstall --no-deps $(PEERS)/wheels/*
+$(PEERS):
+	$(PYTHON) -m venv $@
+
 clean:
-	rm -rf $(VENV) target out
+	rm -rf $(VENV) $(PEERS) target out

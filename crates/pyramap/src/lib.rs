@@ -6,7 +6,7 @@
 //!
 //! [`ranges`] → [`pyramid`] (as the sensor sees it: [`surfaces`]) → [`cull`] → [`update`] → [`commit`]
 //!
-//! [`OccupancyGrid`] is the map, [`GridConfig`] its parameters; [`mesh`] and [`file`] read it.
+//! [`OccupancyGrid`] is the map, [`GridConfig`] its parameters; [`mesh`] and [`mod@file`] read it.
 //!
 //! Camera axes are x right, y down, z forward; integer pixel coordinates are pixel centres; depth is z-depth, metres;
 //! a pose is `world_from_camera`.

@@ -1,0 +1,55 @@
+"""The comparison with other systems runs from its frames to its plot; here with pyramap alone, in few frames."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+from PIL import Image
+
+BENCHES = Path(__file__).parents[1] / "benches"
+VOXEL_SIZE = 0.16
+RULES = {"pyramid", "area", "min_layer", "ideal"}
+
+
+def test_comparison_measures_every_rule(tmp_path: Path) -> None:
+    options = ["--data", "office", "--systems", "pyramap", "--frames", "3", "--rounds", "2", "--threads", "1"]
+    said = run("peers", *options, "--resolutions", str(VOXEL_SIZE), "--out", tmp_path)
+    assert "left out" not in said
+    results = json.loads((tmp_path / "results.json").read_text())
+    names = {f"pyramap {rule}" for rule in RULES} | {"pyramap pyramid, clamped"}
+    assert {times["system"] for times in results["times"]} == names
+    for times in results["times"]:
+        low, middle, high = times["quartiles_ms"]
+        assert 0 < low <= middle <= high
+        assert len(times["round_medians_ms"]) == 2
+    assert {footprint["system"] for footprint in results["footprints"]} == names
+    assert all(footprint["map_bytes"] > 0 for footprint in results["footprints"])
+    errors = {errors["rule"]: errors["mean"] for errors in results["errors"]}
+    assert set(errors) == RULES - {"ideal"}
+    assert 0 < errors["area"] < errors["pyramid"]
+    assert [mesh["triangles"] > 0 for mesh in results["meshes"]] == [True]
+    with Image.open(tmp_path / "frame_times.png") as picture:
+        assert len(set(picture.convert("RGB").getdata())) > 100
+
+
+def test_whole_sequences_stand_beside_the_paper(tmp_path: Path) -> None:
+    run("peers.full_run", "--data", "office", "--frames", "2", "--threads", "1", "--out", tmp_path)
+    runs: list[dict[str, Any]] = json.loads((tmp_path / "full_run.json").read_text())["runs"]
+    assert [run["voxel_size"] for run in runs] == [0.02, 0.04, 0.08, 0.16]
+    nbytes = [run["map_bytes"] for run in runs]
+    assert nbytes == sorted(nbytes, reverse=True)
+    assert all(run["frames"] == 2 and run["seconds"] > 0 for run in runs)
+
+
+def run(module: str, *arguments: object) -> str:
+    """Runs `python -m module` with benches/ on the path and returns what it wrote."""
+    command = [sys.executable, "-m", module, *map(str, arguments)]
+    environment = {**os.environ, "PYTHONPATH": str(BENCHES)}
+    done = subprocess.run(command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    assert done.returncode == 0, done.stdout
+    return done.stdout
