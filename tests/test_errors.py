@@ -372,9 +372,10 @@ def test_coordinates_of_blocks(coords: Any, message: str) -> None:
         ({"level": -1e6}, "level is -1000000, expected"),
         ({"min_evidence": -0.1}, r"min_evidence is -0\.1, expected a log-odd from 0"),
         ({"min_evidence": NAN}, "min_evidence is NaN, expected"),
+        ({"min_faces": -1}, "min_faces is -1, expected 0 or more"),
     ],
 )
-def test_options_of_a_mesh(options: dict[str, float], message: str) -> None:
+def test_options_of_a_mesh(options: dict[str, Any], message: str) -> None:
     with pytest.raises(ValueError, match=message):
         map_of([wall(1.0)]).mesh(**options)
 

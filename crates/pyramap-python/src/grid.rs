@@ -67,9 +67,8 @@ fn word<T: PartialEq>(value: T, words: &[(&'static str, T)]) -> &'static str {
     words.iter().find(|(_, other)| *other == value).expect("every value has its word").0
 }
 
-fn bytes(max_bytes: i64) -> PyResult<usize> {
-    let message = format!("max_bytes is {max_bytes}, expected 0 or more, or None for no limit");
-    usize::try_from(max_bytes).map_err(|_| PyValueError::new_err(message))
+fn count(name: &str, got: i64, expected: &str) -> PyResult<usize> {
+    usize::try_from(got).map_err(|_| PyValueError::new_err(format!("{name} is {got}, expected {expected}")))
 }
 
 fn check_backend(backend: &str) -> PyResult<()> {
@@ -164,7 +163,8 @@ impl OccupancyGrid {
         config.max_range = max_range;
         config.update = parse("update", update, &UPDATES)?;
         config.clamp = clamp;
-        config.max_bytes = max_bytes.map(bytes).transpose()?;
+        let limit = |bytes| count("max_bytes", bytes, "0 or more, or None for no limit");
+        config.max_bytes = max_bytes.map(limit).transpose()?;
         config.prior = prior;
         config.beyond_max_range = parse("beyond_max_range", beyond_max_range, &BEYOND)?;
         pyramap::OccupancyGrid::new(config).map(|grid| Self(RwLock::new(grid))).map_err(to_py)
@@ -370,9 +370,11 @@ impl OccupancyGrid {
     ///     The mesh, without vertices if there is no such surface.
     ///
     /// Raises:
-    ///     ValueError: If `level` is beyond what a map can hold, or `min_evidence` is negative or not a number.
+    ///     ValueError: If `level` is beyond what a map can hold, `min_evidence` is negative or not a number, or
+    ///         `min_faces` is negative.
     #[pyo3(signature = (level = 0.0, min_evidence = 0.0, min_faces = 0))]
-    fn mesh(&self, py: Python<'_>, level: f64, min_evidence: f64, min_faces: usize) -> PyResult<Mesh> {
+    fn mesh(&self, py: Python<'_>, level: f64, min_evidence: f64, min_faces: i64) -> PyResult<Mesh> {
+        let min_faces = count("min_faces", min_faces, "0 or more")?;
         let options = MeshOptions { level, min_evidence, min_faces };
         let mesh = self.ask(py, |grid| pyramap::mesh::extract(grid, &options))?;
         Mesh::new(py, mesh)
