@@ -16,7 +16,7 @@ from .footprint import measure_all
 from .frames import FrameFile
 from .goals import goals
 from .plot import save_plot
-from .results import Results, machine, wide_console
+from .results import Results, load, machine, wide_console
 from .systems import OPEN3D, PYRAMID, SYSTEMS, System
 from .turns import MeshTimes, Turns, time_frames, time_meshes
 from .worker import open_workers
@@ -27,7 +27,7 @@ ACCURACY_FRAMES = 3
 
 def main(
     data: Annotated[str, typer.Option(help="A data set's folder, or 'office' to simulate one.")] = "",
-    frames: Annotated[int, typer.Option(min=1, help="How many frames, spread over the sequence.")] = 60,
+    frames: Annotated[int, typer.Option(min=1, help="How many frames, spread over the sequence.")] = 40,
     rounds: Annotated[int, typer.Option(min=1, help="How often each system maps them.")] = 5,
     resolutions: Annotated[str, typer.Option(help="Voxel sizes in metres.")] = "0.02,0.04,0.08,0.16",
     threads: Annotated[str, typer.Option(help="Numbers of threads.")] = "1,2",
@@ -46,6 +46,7 @@ def main(
         settings = {"data": recorded.name, "frames": len(recorded), "rounds": rounds, **machine()}
         turns = [_time(usable, counts, size, recorded, rounds, console) for size in sizes]
         meshes = _mesh(usable, counts, min(sizes), recorded, rounds)
+        settings["load_at_end"] = load()
         console.print("memory and accuracy")
         footprints = measure_all(usable, sizes, recorded)
         errors = {size: compare_rules(recorded, min(ACCURACY_FRAMES, len(recorded)), size) for size in sizes}
@@ -53,7 +54,8 @@ def main(
     results.print(console)
     results.save(out / "results.json")
     save_plot(out / "frame_times.png", f"{recorded.name}, {len(recorded)} frames", turns)
-    console.print(f"load {settings['machine']['load']}; wrote {out}/results.json and {out}/frame_times.png")
+    console.print(f"load {settings['load']} before, {settings['load_at_end']} after (1 is this run alone)")
+    console.print(f"wrote {out}/results.json and {out}/frame_times.png")
 
 
 def _usable(systems: Sequence[System], frames: FrameFile, console: Console) -> list[System]:

@@ -82,7 +82,7 @@ def main(
     settings = {"threads": threads, **machine()}
     text = json.dumps({**settings, "runs": [run.plain() for run in runs]}, indent=1)
     (out / "full_run.json").write_text(text + "\n")
-    console.print(f"{threads} threads, load {settings['machine']['load']}; wrote {out}/full_run.json")
+    console.print(f"{threads} threads, load {settings['load']}; wrote {out}/full_run.json")
 
 
 def _map_all(data: str, count: int | None, cases: Sequence[tuple[System, float]], threads: int) -> list[Run]:

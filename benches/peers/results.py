@@ -158,10 +158,15 @@ def machine() -> dict[str, Any]:
             "cpus": os.cpu_count(),
             "system": platform.platform(),
             "python": platform.python_version(),
-            "load": os.getloadavg() if hasattr(os, "getloadavg") else None,
         },
+        "load": load(),
         "versions": {package: _version(package) for package in dict.fromkeys(each.package for each in SYSTEMS)},
     }
+
+
+def load() -> float | None:
+    """How many processes wanted to run, on average over the last minute; None on Windows."""
+    return round(os.getloadavg()[0], 2) if hasattr(os, "getloadavg") else None
 
 
 def _version(package: str) -> str | None:

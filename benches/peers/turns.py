@@ -14,7 +14,7 @@ from .worker import Worker
 TURNS = 3
 """Into how many turns a system's frames of one round are split."""
 
-TURN_SECONDS = 0.5
+TURN_SECONDS = 0.3
 """A system that takes longer for its turn leaves out the rest of the turn's frames."""
 
 Times = list[dict[int, float]]

@@ -88,7 +88,8 @@ impl Backend for CpuBackend {
         self.pyramid.compute(&self.ranges, view.t_0, config.update.selection(), wanted.clone());
         self.surfaces.resize_with(count, SurfaceLayer::default);
         for i in wanted {
-            self.surfaces[i].compute(&self.pyramid.layers[i], &config.sensor_model, &self.table);
+            let (layer, finest) = (&self.pyramid.layers[i], config.update.finest_bounds());
+            self.surfaces[i].compute(layer, &config.sensor_model, &self.table, finest);
         }
         self.view = Some(view);
     }

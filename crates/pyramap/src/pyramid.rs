@@ -58,15 +58,23 @@ impl Pyramid {
     /// pixel wide.
     pub fn compute(&mut self, ranges: &Ranges, t_0: f64, selection: Selection, wanted: Range<usize>) {
         self.layers.resize_with(num_layers(ranges.width, ranges.height), Layer::default);
-        self.extremes.resize_with(wanted.end, Extremes::default);
-        self.extremes[0].copy(ranges);
-        for i in 1..wanted.end {
-            let (finer, coarser) = self.extremes.split_at_mut(i);
-            coarser[0].halve(&finer[i - 1]);
+        if wanted.end > 1 {
+            self.extremes.resize_with(wanted.end, Extremes::default);
+            self.extremes[0].copy(ranges);
+            for i in 1..wanted.end {
+                let (finer, coarser) = self.extremes.split_at_mut(i);
+                coarser[0].halve(&finer[i - 1]);
+            }
         }
         for (i, layer) in self.layers.iter_mut().enumerate() {
             if !wanted.contains(&i) {
                 *layer = Layer::default();
+                continue;
+            }
+            if i == 0 {
+                // Windows of one pixel.
+                (layer.width, layer.height) = (ranges.width, ranges.height);
+                layer.values.clone_from(&ranges.values);
                 continue;
             }
             let t_i = (t_0 / f64::from(1u32 << i)) as f32;

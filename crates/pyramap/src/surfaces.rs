@@ -18,8 +18,10 @@ pub struct SurfaceLayer {
     pub surface: Vec<f32>,
     /// `1 / sigma` of each texel; a single number where sigma is the same for all.
     pub inv_sigma: Vec<f32>,
-    texels: Windows,
+    /// Bounds over single cells of `2^finest` texels.
+    cells: Windows,
     windows: Vec<Windows>,
+    finest: usize,
 }
 
 /// Bounds over a rectangle of texels. All four are maxima, so that the bounds of two sets together are one vector
@@ -90,11 +92,11 @@ struct Windows {
 }
 
 impl SurfaceLayer {
-    /// Applies the model to a layer, into these buffers.
-    pub fn compute(&mut self, layer: &Layer, model: &SensorModel, table: &SensorTable) {
+    /// Applies the model to a layer, into these buffers. Bounds will be no tighter than cells of `2^finest` texels.
+    pub fn compute(&mut self, layer: &Layer, model: &SensorModel, table: &SensorTable, finest: usize) {
         (self.width, self.height) = (layer.width, layer.height);
         self.place_surfaces(layer, model);
-        self.bound(table.cutoff());
+        self.bound(table.cutoff(), finest);
     }
 
     fn place_surfaces(&mut self, layer: &Layer, model: &SensorModel) {
@@ -118,19 +120,31 @@ impl SurfaceLayer {
         }
     }
 
-    /// Bounds over squares of 2, 4, 8, ... texels.
-    fn bound(&mut self, cutoff: f32) {
-        self.texels.fit(self.width, self.height);
-        let inv_sigmas = self.inv_sigma.iter().cycle();
-        let texels = self.texels.bounds.iter_mut().zip(self.surface.iter().zip(inv_sigmas));
-        texels.for_each(|(out, (&surface, &inv_sigma))| {
-            let reach = cutoff / inv_sigma;
-            *out = if surface.is_nan() { Bounds::HOLE } else { Bounds([reach - surface, surface + reach, 0.0, 0.0]) };
+    /// Bounds over squares of two cells, for cells of `2^finest` texels and all coarser ones.
+    fn bound(&mut self, cutoff: f32, finest: usize) {
+        let edge = 1 << finest;
+        self.cells.fit(self.width.div_ceil(edge), self.height.div_ceil(edge));
+        let (width, surface, inv_sigma) = (self.width, &self.surface, &self.inv_sigma);
+        let constant = if inv_sigma.len() == 1 { Some(cutoff / inv_sigma[0]) } else { None };
+        let texel = |i: usize, surface: f32| {
+            let reach = constant.unwrap_or_else(|| cutoff / inv_sigma[i]);
+            if surface.is_nan() { Bounds::HOLE } else { Bounds([reach - surface, surface + reach, 0.0, 0.0]) }
+        };
+        self.cells.bounds.par_chunks_mut(self.cells.width).with_min_len(32).enumerate().for_each(|(b, cells)| {
+            cells.fill(Bounds::NONE);
+            for row in b * edge..((b + 1) * edge).min(surface.len() / width) {
+                let texels = surface[row * width..(row + 1) * width].chunks(edge);
+                for (a, (cell, texels)) in cells.iter_mut().zip(texels).enumerate() {
+                    for (i, &surface) in texels.iter().enumerate() {
+                        *cell = cell.union(texel(row * width + a * edge + i, surface));
+                    }
+                }
+            }
         });
-        let levels = crate::pyramid::num_layers(self.width, self.height);
-        self.windows.resize_with(levels, Windows::default);
-        self.windows[0].unite(&self.texels, 1);
-        for level in 1..levels {
+        self.finest = finest;
+        self.windows.resize_with(crate::pyramid::num_layers(self.width, self.height).max(finest + 1), Windows::default);
+        self.windows[finest].unite(&self.cells, 1);
+        for level in finest + 1..self.windows.len() {
             let (finer, coarser) = self.windows.split_at_mut(level);
             coarser[0].unite(&finer[level - 1], 2);
         }
@@ -141,7 +155,7 @@ impl SurfaceLayer {
     #[inline(always)]
     pub fn bounds(&self, x: (u32, u32), y: (u32, u32)) -> Bounds {
         let extent = (x.1 - x.0).max(y.1 - y.0);
-        let level = (extent / CELLS_ACROSS).checked_ilog2().map_or(0, |log| log as usize + 1);
+        let level = (extent / CELLS_ACROSS).checked_ilog2().map_or(0, |log| log as usize + 1).max(self.finest);
         let Some(windows) = self.windows.get(level) else { return self.everywhere() };
         let (columns, rows) = (squares(x, level), squares(y, level));
         let mut bounds = Bounds::NONE;
@@ -192,11 +206,18 @@ mod tests {
     fn bounds_hold_for_every_rectangle() {
         let (width, height) = (23, 17);
         let values: Vec<f32> = (0..width * height).map(|i| ((i * 7919) % 101) as f32 * 0.05).collect();
-        let layer = Layer { width, height, values: values.clone() };
+        let layer = Layer { width, height, values };
         let model = SensorModel::constant(0.02).unwrap();
         let table = SensorTable::new(&model);
+        for finest in 0..3 {
+            check_every_rectangle(&layer, &model, &table, finest);
+        }
+    }
+
+    fn check_every_rectangle(layer: &Layer, model: &SensorModel, table: &SensorTable, finest: usize) {
+        let (width, height, values) = (layer.width, layer.height, &layer.values);
         let mut surfaces = SurfaceLayer::default();
-        surfaces.compute(&layer, &model, &table);
+        surfaces.compute(layer, model, table, finest);
         let reach = table.cutoff() * 0.02;
         for (x0, x1) in (0..width).flat_map(|x0| (x0..width).map(move |x1| (x0, x1))) {
             for (y0, y1) in (0..height).flat_map(|y0| (y0..height).map(move |y1| (y0, y1))) {
@@ -210,7 +231,7 @@ mod tests {
                     assert!(bounds.near() <= range - 0.999 * reach && bounds.far() >= range + 0.999 * reach);
                 }
                 assert!(bounds.has_holes() || exact.iter().all(|&range| range > 0.0));
-                let slack = (x1 - x0).max(y1 - y0);
+                let slack = (x1 - x0).max(y1 - y0).max((2 << finest) - 1);
                 let (right, lower) = ((x1 + slack).min(width - 1), (y1 + slack).min(height - 1));
                 let wider = texels(x0.saturating_sub(slack)..=right, y0.saturating_sub(slack)..=lower);
                 let farthest = wider.iter().fold(0.0f32, |a, &b| a.max(b));

@@ -52,6 +52,15 @@ impl UpdateRule {
             UpdateRule::Area | UpdateRule::Ideal => 0..1,
         }
     }
+
+    /// The finest cells over which bounds are worth their cost, as a power of two of texels: rules that read full
+    /// resolution ask for rectangles of many pixels.
+    pub fn finest_bounds(self) -> usize {
+        match self {
+            UpdateRule::Pyramid | UpdateRule::MinLayer => 0,
+            UpdateRule::Area | UpdateRule::Ideal => 1,
+        }
+    }
 }
 
 /// What a frame does to one block.
