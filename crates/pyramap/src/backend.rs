@@ -81,7 +81,7 @@ pub trait Backend: Send + Sync {
     /// The layers (Eq. 10), as the sensor model sees them.
     fn pyramid(&mut self, config: &GridConfig, pose: &Pose);
     /// The blocks that the frame changes.
-    fn cull(&mut self, config: &GridConfig) -> Culled;
+    fn cull(&mut self, config: &GridConfig, culled: &mut Culled);
     /// What the frame does to each mixed block (Alg. 1). The increments stay on the device.
     fn update(&mut self, config: &GridConfig, mixed: &[BlockKey]) -> &[Change];
     /// Adds to slots, times `sign`, within limits; each slot occurs once.

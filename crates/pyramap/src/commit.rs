@@ -18,18 +18,26 @@ pub struct Changes {
 
 impl Changes {
     /// Sorts the blocks of a frame by what happens to them.
-    pub fn sort(culled: &Culled, changes: &[Change], free_increment: i32) -> Self {
-        let mut sorted = Self::default();
-        sorted.uniform.extend(culled.free.iter().map(|&key| (key, free_increment)));
+    pub fn sort(&mut self, culled: &Culled, changes: &[Change], free_increment: i32) {
+        self.uniform.clear();
+        self.dense.clear();
+        self.uniform.extend(culled.free.iter().map(|&key| (key, free_increment)));
         for (n, (&key, change)) in culled.mixed.iter().zip(changes).enumerate() {
             match *change {
                 Change::None => {}
-                Change::Uniform(increment) => sorted.uniform.push((key, increment)),
-                Change::Dense { .. } => sorted.dense.push((key, n)),
+                Change::Uniform(increment) => self.uniform.push((key, increment)),
+                Change::Dense { .. } => self.dense.push((key, n)),
             }
         }
-        sorted
     }
+}
+
+/// What a commit keeps from frame to frame, so that it need not be allocated again.
+#[derive(Debug, Default)]
+pub struct CommitBuffers {
+    additions: Vec<Addition>,
+    /// The blocks added to.
+    keys: Vec<BlockKey>,
 }
 
 /// An addition to a map.
@@ -42,6 +50,8 @@ pub struct Commit<'a> {
     pub limits: Limits,
     /// The map's blocks.
     pub directory: &'a mut Directory,
+    /// Room to work in.
+    pub buffers: &'a mut CommitBuffers,
 }
 
 impl Commit<'_> {
@@ -51,10 +61,11 @@ impl Commit<'_> {
     /// [`Error::MapFull`] if the map would take more than `max_bytes`; nothing is added then.
     pub fn apply(self, backend: &mut dyn Backend, max_bytes: Option<usize>) -> Result<u64> {
         self.check_budget(backend, max_bytes)?;
-        let Self { changes: Changes { uniform, dense }, sign, limits, directory } = self;
+        let Self { changes: Changes { uniform, dense }, sign, limits, directory, buffers } = self;
+        let CommitBuffers { additions, keys } = buffers;
+        additions.clear();
+        keys.clear();
         let mut lost = 0;
-        let mut additions = Vec::with_capacity(dense.len());
-        let mut keys = Vec::with_capacity(dense.len());
         for &(key, increment) in uniform {
             let value = match directory.get(&key) {
                 Some(&Entry::Dense(slot)) => {
@@ -79,7 +90,7 @@ impl Commit<'_> {
             additions.push(Addition { slot, source: Source::Mixed(n) });
             keys.push(key);
         }
-        let committed = backend.commit(&additions, sign, limits);
+        let committed = backend.commit(additions, sign, limits);
         for (n, value) in committed.uniform {
             backend.release(additions[n].slot);
             set_uniform(directory, keys[n], value);

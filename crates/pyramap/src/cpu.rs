@@ -3,7 +3,7 @@
 use crate::backend::{Addition, Backend, Base, Committed, Limits, Source};
 use crate::block::{BLOCK_VOXELS, Block, BlockData, BlockKey};
 use crate::camera::PinholeCamera;
-use crate::cull::{Culled, Scope, cull};
+use crate::cull::{CullBuffers, Culled, Scope, cull};
 use crate::depth::DepthImage;
 use crate::error::Result;
 use crate::grid::GridConfig;
@@ -29,6 +29,7 @@ pub struct CpuBackend {
     pyramid: Pyramid,
     surfaces: Vec<SurfaceLayer>,
     view: Option<View>,
+    cull_buffers: CullBuffers,
     increments: Vec<BlockData>,
     changes: Vec<Change>,
     pool: Pool,
@@ -44,6 +45,7 @@ impl CpuBackend {
             pyramid: Pyramid::default(),
             surfaces: Vec::new(),
             view: None,
+            cull_buffers: CullBuffers::default(),
             increments: Vec::new(),
             changes: Vec::new(),
             pool: Pool::default(),
@@ -94,9 +96,13 @@ impl Backend for CpuBackend {
         self.view = Some(view);
     }
 
-    fn cull(&mut self, config: &GridConfig) -> Culled {
+    fn cull(&mut self, config: &GridConfig, culled: &mut Culled) {
+        let mut buffers = take(&mut self.cull_buffers);
         let (view, layers) = self.frame();
-        with_rule!(config.update, view, layers.len(), |rule| cull(&Scope { view, layers, rule, enabled: config.cull }))
+        with_rule!(config.update, view, layers.len(), |rule| {
+            cull(&Scope { view, layers, rule, enabled: config.cull }, &mut buffers, culled)
+        });
+        self.cull_buffers = buffers;
     }
 
     fn update(&mut self, config: &GridConfig, mixed: &[BlockKey]) -> &[Change] {

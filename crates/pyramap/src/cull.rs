@@ -233,28 +233,50 @@ impl<R: Reads> Scope<'_, R> {
 /// The descent starts from so many cubes along the frustum, each of as many blocks as that takes.
 const ROOTS_ALONG_FRUSTUM: i32 = 3;
 
+/// What the cull keeps from frame to frame, so that it need not be allocated again.
+#[derive(Default)]
+pub struct CullBuffers {
+    sizes: Vec<Eighths>,
+    /// The cubes that the descent starts from, and what was found in each.
+    roots: Vec<(BlockKey, Culled)>,
+}
+
 /// Sorts the blocks of the frustum into free and mixed ones; the others do not change.
-pub fn cull<R: Reads>(scope: &Scope<R>) -> Culled {
+pub fn cull<R: Reads>(scope: &Scope<R>, buffers: &mut CullBuffers, culled: &mut Culled) {
     let (low, high) = frustum_blocks(scope.view);
     let extent = (0..3).map(|axis| high[axis] - low[axis] + 1).max().expect("three axes");
     let levels = (extent / ROOTS_ALONG_FRUSTUM).max(2).ilog2();
-    let sizes: Vec<Eighths> = (1..=levels).map(|level| Eighths::new::<R>(scope.view, BLOCK_EDGE << level)).collect();
+    let CullBuffers { sizes, roots } = buffers;
+    sizes.clear();
+    sizes.extend((1..=levels).map(|level| Eighths::new::<R>(scope.view, BLOCK_EDGE << level)));
+
     let edge = 1 << levels;
     let along = |axis: usize| low[axis].div_euclid(edge)..=high[axis].div_euclid(edge);
-    let roots: Vec<BlockKey> = along(0)
-        .flat_map(|x| along(1).flat_map(move |y| along(2).map(move |z| [x * edge, y * edge, z * edge])))
-        .collect();
-    roots
-        .par_iter()
-        .fold(Culled::default, |mut culled, &root| {
-            descend(scope, &sizes, root, &mut culled);
-            culled
-        })
-        .reduce(Culled::default, |mut left, mut right| {
-            left.free.append(&mut right.free);
-            left.mixed.append(&mut right.mixed);
-            left
-        })
+    let keys = along(0).flat_map(|x| along(1).flat_map(move |y| along(2).map(move |z| [x, y, z].map(|k| k * edge))));
+    let mut count = 0;
+    for (n, key) in keys.enumerate() {
+        if n == roots.len() {
+            roots.push(Default::default());
+        }
+        roots[n].0 = key;
+        count = n + 1;
+    }
+    roots[..count].par_iter_mut().for_each(|(root, found)| {
+        found.clear();
+        descend(scope, sizes, *root, found);
+    });
+    culled.clear();
+    for (_, found) in &roots[..count] {
+        culled.free.extend_from_slice(&found.free);
+        culled.mixed.extend_from_slice(&found.mixed);
+    }
+}
+
+impl Culled {
+    fn clear(&mut self) {
+        self.free.clear();
+        self.mixed.clear();
+    }
 }
 
 /// Classifies the eighths of a cube of `2^sizes.len()` blocks, and theirs where they are mixed.

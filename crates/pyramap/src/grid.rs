@@ -3,8 +3,9 @@
 use crate::backend::{Backend, Limits};
 use crate::block::{BLOCK_EDGE, BLOCK_VOXELS, Block, BlockData, BlockKey, Blocks, MAX_BLOCK};
 use crate::camera::PinholeCamera;
-use crate::commit::{Changes, Commit, budget, set_uniform};
+use crate::commit::{Changes, Commit, CommitBuffers, budget, set_uniform};
 use crate::cpu::CpuBackend;
+use crate::cull::Culled;
 use crate::depth::DepthImage;
 use crate::directory::{self, Directory, Entry};
 use crate::error::{Error, Result};
@@ -145,6 +146,15 @@ pub struct OccupancyGrid {
     free_increment: i32,
     num_frames: i64,
     saturated: u64,
+    buffers: Buffers,
+}
+
+/// What a frame's stages hand on to each other, kept from frame to frame.
+#[derive(Default)]
+struct Buffers {
+    culled: Culled,
+    changes: Changes,
+    commit: CommitBuffers,
 }
 
 impl OccupancyGrid {
@@ -164,7 +174,15 @@ impl OccupancyGrid {
     pub fn with_backend(config: GridConfig, backend: Box<dyn Backend>) -> Result<Self> {
         config.validate()?;
         let free_increment = free_increment(&SensorTable::new(&config.sensor_model));
-        Ok(Self { config, directory: Directory::default(), backend, free_increment, num_frames: 0, saturated: 0 })
+        Ok(Self {
+            config,
+            directory: Directory::default(),
+            backend,
+            free_increment,
+            num_frames: 0,
+            saturated: 0,
+            buffers: Buffers::default(),
+        })
     }
 
     /// Fuses a depth image taken at a pose (`world_from_camera`): whole, or not at all.
@@ -203,15 +221,17 @@ impl OccupancyGrid {
         backend.pyramid(config, pose);
         watch.lap(|seconds| &mut seconds.pyramid);
 
-        let culled = backend.cull(config);
+        let Buffers { culled, changes: sorted, commit: buffers } = &mut self.buffers;
+        backend.cull(config, culled);
         watch.lap(|seconds| &mut seconds.cull);
 
         let changes = backend.update(config, &culled.mixed);
-        let mut stats = FrameStats::count(&culled, changes);
-        let changes = Changes::sort(&culled, changes, self.free_increment);
+        let mut stats = FrameStats::count(culled, changes);
+        sorted.sort(culled, changes, self.free_increment);
         watch.lap(|seconds| &mut seconds.update);
 
-        let commit = Commit { changes: &changes, sign, limits: config.limits(), directory: &mut self.directory };
+        let (limits, directory) = (config.limits(), &mut self.directory);
+        let commit = Commit { changes: sorted, sign, limits, directory, buffers };
         stats.saturated = commit.apply(backend, config.max_bytes)?;
         watch.lap(|seconds| &mut seconds.commit);
 

@@ -5,7 +5,7 @@
 use crate::backend::{Addition, Committed, Limits, Source};
 use crate::block::{BLOCK_VOXELS, Block, BlockData, NarrowBlockData};
 use rayon::prelude::*;
-use std::mem::size_of;
+use std::mem::{size_of, take};
 
 /// The blocks, by slot.
 #[derive(Default)]
@@ -14,6 +14,9 @@ pub struct Pool {
     unused: Vec<u32>,
     num_narrow: usize,
     num_wide: usize,
+    /// Room for [`Pool::add`] to work in, kept from frame to frame.
+    taken: Vec<(Voxels, Source)>,
+    results: Vec<Added>,
 }
 
 enum Voxels {
@@ -81,8 +84,9 @@ impl Pool {
     /// Adds to each slot, in parallel; `mixed` holds the increments that [`Source::Mixed`] names.
     pub fn add(&mut self, additions: &[Addition], mixed: &[BlockData], sign: i32, limits: Limits) -> Committed {
         // Each slot's block is taken out of the pool, so that threads own the blocks they add to.
-        let mut taken: Vec<_> = additions.iter().map(|addition| (self.take(addition.slot), addition.source)).collect();
-        let results: Vec<Added> = taken
+        let (mut taken, mut results) = (take(&mut self.taken), take(&mut self.results));
+        taken.extend(additions.iter().map(|addition| (self.take(addition.slot), addition.source)));
+        taken
             .par_iter_mut()
             .with_min_len(16)
             .map(|(voxels, source)| match *source {
@@ -92,12 +96,14 @@ impl Pool {
                     voxels.add(|i| increments[i] * sign, limits)
                 }
             })
-            .collect();
-        for (addition, (voxels, _)) in additions.iter().zip(taken) {
+            .collect_into_vec(&mut results);
+        for (addition, (voxels, _)) in additions.iter().zip(taken.drain(..)) {
             self.put(addition.slot, voxels);
         }
         let uniform = results.iter().enumerate().filter_map(|(n, added)| added.uniform.map(|value| (n, value)));
-        Committed { lost: results.iter().map(|added| added.lost).sum(), uniform: uniform.collect() }
+        let committed = Committed { lost: results.iter().map(|added| added.lost).sum(), uniform: uniform.collect() };
+        (self.taken, self.results) = (taken, results);
+        committed
     }
 
     fn voxels(&self, slot: u32) -> &Voxels {
