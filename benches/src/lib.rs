@@ -9,7 +9,7 @@ use std::fs::File;
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
 
-/// How many frames there are, spread evenly over the sequence.
+/// How many frames the benchmarks take that say nothing else.
 const COUNT: usize = 16;
 /// Millimetres: steps in a metre.
 const DEPTH_SCALE: f64 = 1000.0;
@@ -48,15 +48,28 @@ pub struct Frames {
 }
 
 impl Frames {
-    /// Real frames where there are any, else simulated ones.
+    /// Sixteen frames, real where there are any, else simulated.
+    ///
+    /// # Panics
+    /// As [`Frames::spread`].
+    pub fn load() -> Self {
+        Self::spread(COUNT)
+    }
+
+    /// Frames spread evenly over a sequence, from its first on: real where there are any, else simulated.
     ///
     /// # Panics
     /// If real frames are there and cannot be read: a benchmark must not go on with others in silence.
-    pub fn load() -> Self {
+    pub fn spread(count: usize) -> Self {
         match kitchen_folder() {
-            Some(folder) => kitchen(&folder),
-            None => office(),
+            Some(folder) => kitchen(&folder, count),
+            None => Self::simulated(count),
         }
+    }
+
+    /// Frames of the simulated office, spread evenly over its loop: the same on every machine.
+    pub fn simulated(count: usize) -> Self {
+        office(count)
     }
 
     /// The image of a frame, as maps take it.
@@ -101,24 +114,24 @@ fn kitchen_folder() -> Option<PathBuf> {
 /// No reading, besides 0.
 const INVALID: u16 = u16::MAX;
 
-fn kitchen(folder: &Path) -> Frames {
+fn kitchen(folder: &Path, count: usize) -> Frames {
     let mut images: Vec<PathBuf> = std::fs::read_dir(folder)
         .unwrap_or_else(|error| panic!("{}: {error}", folder.display()))
         .map(|entry| entry.expect("a readable folder").path())
         .filter(|path| path.to_string_lossy().ends_with(".depth.png"))
         .collect();
     images.sort();
-    assert!(images.len() >= COUNT, "{}: {} depth images, expected {COUNT}", folder.display(), images.len());
+    assert!(images.len() >= count, "{}: {} depth images, expected {count}", folder.display(), images.len());
     // What the data set's authors give for all its scenes.
     let camera = PinholeCamera::new(640, 480, 585.0, 585.0, 320.0, 240.0).expect("valid intrinsics");
     let read = |n: usize| {
-        let path = &images[n * images.len() / COUNT];
+        let path = &images[n * images.len() / count];
         let depth = read_depth(path, &camera).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
         let path = PathBuf::from(path.to_string_lossy().replace(".depth.png", ".pose.txt"));
         let pose = read_pose(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
         Frame { depth, pose }
     };
-    Frames { source: "redkitchen", camera, frames: (0..COUNT).map(read).collect() }
+    Frames { source: "redkitchen", camera, frames: (0..count).map(read).collect() }
 }
 
 fn read_depth(path: &Path, camera: &PinholeCamera) -> Result<Vec<u16>, Box<dyn std::error::Error>> {
@@ -143,13 +156,13 @@ fn read_pose(path: &Path) -> Result<Pose, Box<dyn std::error::Error>> {
     Ok(Pose::from_rows(&std::array::from_fn(|row| std::array::from_fn(|column| numbers[4 * row + column])))?)
 }
 
-fn office() -> Frames {
+fn office(count: usize) -> Frames {
     let scene = office_loop();
     let render = |n: usize| {
-        let pose = scene.poses()[n * scene.poses().len() / COUNT];
+        let pose = scene.poses()[n * scene.poses().len() / count];
         let exact = scene.render(scene.camera(), &pose);
         let metres = kinect_noise(&exact, scene.camera(), n as u64).expect("an image of the camera's size");
         Frame { depth: metres.iter().map(|z| (f64::from(*z) * DEPTH_SCALE).round() as u16).collect(), pose }
     };
-    Frames { source: "office", camera: *scene.camera(), frames: (0..COUNT).map(render).collect() }
+    Frames { source: "office", camera: *scene.camera(), frames: (0..count).map(render).collect() }
 }

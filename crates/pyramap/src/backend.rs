@@ -4,10 +4,11 @@
 
 use crate::block::{Block, BlockData, BlockKey};
 use crate::camera::PinholeCamera;
+use crate::config::GridConfig;
 use crate::cull::Culled;
 use crate::depth::DepthImage;
 use crate::error::Result;
-use crate::grid::GridConfig;
+use crate::log_odds::Limits;
 use crate::pose::Pose;
 use crate::update::Change;
 
@@ -45,24 +46,6 @@ pub struct Committed {
     pub lost: u64,
     /// The additions, by their place in the list, after which all voxels of the slot have one value, and that value.
     pub uniform: Vec<(usize, i32)>,
-}
-
-/// The range of stored evidence: that of `i32`, or less in a clamped map.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Limits {
-    /// The smallest value.
-    pub low: i32,
-    /// The largest value.
-    pub high: i32,
-}
-
-impl Limits {
-    /// The sum within the limits, and whether `i32` was too small for it. Being clamped is no loss: it is asked for.
-    #[inline(always)]
-    pub fn add(self, value: i32, increment: i32) -> (i32, bool) {
-        let sum = value.saturating_add(increment);
-        (sum.clamp(self.low, self.high), sum != value.wrapping_add(increment))
-    }
 }
 
 /// A device that maps.

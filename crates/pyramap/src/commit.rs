@@ -1,10 +1,11 @@
 //! Stage 5, commit: the frame's increments are added to the map, all of them or, if it would grow too large, none.
 
-use crate::backend::{Addition, Backend, Base, Limits, Source};
+use crate::backend::{Addition, Backend, Base, Source};
 use crate::block::{BLOCK_VOXELS, BlockKey};
 use crate::cull::Culled;
 use crate::directory::{self, Directory, Entry};
 use crate::error::{Error, Result};
+use crate::log_odds::Limits;
 use crate::update::Change;
 
 /// What a frame does to blocks, before it is done.

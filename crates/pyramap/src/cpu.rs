@@ -1,12 +1,13 @@
 //! The CPU backend: every stage on rayon's threads, and the pool.
 
-use crate::backend::{Addition, Backend, Base, Committed, Limits, Source};
+use crate::backend::{Addition, Backend, Base, Committed, Source};
 use crate::block::{BLOCK_VOXELS, Block, BlockData, BlockKey};
 use crate::camera::PinholeCamera;
+use crate::config::GridConfig;
 use crate::cull::{CullBuffers, Culled, Scope, cull};
 use crate::depth::DepthImage;
 use crate::error::Result;
-use crate::grid::GridConfig;
+use crate::log_odds::Limits;
 use crate::pool::Pool;
 use crate::pose::Pose;
 use crate::pyramid::Pyramid;

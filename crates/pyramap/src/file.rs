@@ -13,8 +13,9 @@
 //! memory is taken for what was read, and a block section cannot unpack to more than its 4096 blocks can hold.
 
 use crate::block::{BLOCK_VOXELS, Block, BlockKey, Blocks, MAX_BLOCK};
+use crate::config::GridConfig;
 use crate::error::{Error, Result};
-use crate::grid::{GridConfig, OccupancyGrid};
+use crate::grid::OccupancyGrid;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::fs::File;

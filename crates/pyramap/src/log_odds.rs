@@ -27,3 +27,21 @@ pub fn to_fixed(log_odds: f64) -> i32 {
 pub fn from_fixed(evidence: i32) -> f64 {
     f64::from(evidence) * UNIT
 }
+
+/// The range of stored evidence: that of `i32`, or less in a clamped map.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Limits {
+    /// The smallest value.
+    pub low: i32,
+    /// The largest value.
+    pub high: i32,
+}
+
+impl Limits {
+    /// The sum within the limits, and whether `i32` was too small for it. Being clamped is no loss: it is asked for.
+    #[inline(always)]
+    pub fn add(self, value: i32, increment: i32) -> (i32, bool) {
+        let sum = value.saturating_add(increment);
+        (sum.clamp(self.low, self.high), sum != value.wrapping_add(increment))
+    }
+}

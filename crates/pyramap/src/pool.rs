@@ -2,8 +2,9 @@
 //!
 //! Whether a block is narrow is no part of what a map holds: it changes neither sums nor files.
 
-use crate::backend::{Addition, Committed, Limits, Source};
+use crate::backend::{Addition, Committed, Source};
 use crate::block::{BLOCK_VOXELS, Block, BlockData, NarrowBlockData};
+use crate::log_odds::Limits;
 use rayon::prelude::*;
 use std::mem::{size_of, take};
 

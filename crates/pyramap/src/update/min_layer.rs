@@ -1,6 +1,6 @@
 //! The paper's baseline, after Andert 2009: minimum ranges, one layer, bilinear within it.
 
-use super::{Frame, Pixels, Rule, bilinear, layer_of, layers_of};
+use super::{Frame, Pixels, Rule, bilinear, layers_between, layers_of};
 use crate::cull::{LayersRead, Reads};
 use crate::view::{Lanes, Points};
 
@@ -18,8 +18,7 @@ impl Reads for MinLayer {
 
     #[inline(always)]
     fn layers(&self, near: f32, far: f32) -> LayersRead {
-        let first = layer_of(self.t_0 / far, self.count);
-        let last = if near > 0.0 { layer_of(self.t_0 / near, self.count) } else { self.count - 1 };
+        let (first, last) = layers_between(self.t_0, self.count, near, far);
         LayersRead { first, last, fallback: false, certain: true }
     }
 }

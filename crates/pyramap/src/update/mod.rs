@@ -113,6 +113,12 @@ pub fn layer_of(q: f32, count: usize) -> usize {
     exponent.clamp(0, count as i32 - 1) as usize
 }
 
+/// The first and last of the layers `i` of voxels at distances `near..=far`.
+#[inline(always)]
+fn layers_between(t_0: f32, count: usize, near: f32, far: f32) -> (usize, usize) {
+    (layer_of(t_0 / far, count), if near > 0.0 { layer_of(t_0 / near, count) } else { count - 1 })
+}
+
 /// The layers of eight voxels.
 struct LayersOf {
     each: [i32; 8],

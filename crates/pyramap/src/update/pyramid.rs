@@ -1,6 +1,6 @@
 //! The paper's rule: bilinear in two neighbouring layers, linear between them (Eq. 12 to 17).
 
-use super::{Frame, Pixels, Rule, bilinear, layer_of, layers_of, power_of_two};
+use super::{Frame, Pixels, Rule, bilinear, layers_between, layers_of, power_of_two};
 use crate::cull::{LayersRead, Reads};
 use crate::view::{Lanes, Points};
 
@@ -18,8 +18,7 @@ impl Reads for Pyramid {
 
     #[inline(always)]
     fn layers(&self, near: f32, far: f32) -> LayersRead {
-        let first = layer_of(self.t_0 / far, self.count);
-        let last = if near > 0.0 { layer_of(self.t_0 / near, self.count) } else { self.count - 1 };
+        let (first, last) = layers_between(self.t_0, self.count, near, far);
         // Beyond t_0 layer 0 serves alone, within the last layer's distance the last: there is no other to fall back on.
         let alone = far > self.t_0 || last == self.count - 1;
         LayersRead { first, last: (last + 1).min(self.count - 1), fallback: !alone, certain: true }
