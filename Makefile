@@ -9,7 +9,7 @@ export VIRTUAL_ENV := $(CURDIR)/$(VENV)
 export PYO3_PYTHON := $(CURDIR)/$(PY)
 unexport CONDA_PREFIX
 
-.PHONY: demo test setup build lint test-rust test-python bench bench-peers bench-peers-full peers clean
+.PHONY: demo test setup build lint test-rust test-python bench bench-instructions bench-peers bench-peers-full peers clean
 
 demo: build
 	$(VENV)/bin/pyramap demo -o out
@@ -48,7 +48,16 @@ test-python: build
 	$(PY) -m pytest
 
 bench: setup
-	cargo bench --locked -p pyramap-benches
+	cargo bench --locked -p pyramap-benches --bench frame --bench stages --bench map
+
+# Instructions of each stage under valgrind, beside those of the run before: for machines too busy to take times on.
+# The runner that counts must be of the library's own version, which is asked of cargo.
+bench-instructions:
+	@command -v valgrind >/dev/null || { echo "bench-instructions needs valgrind: see https://valgrind.org" >&2; exit 1; }
+	@set -e; version=$$(cargo pkgid gungraun); version=$${version##*[@#]}; root=$(CURDIR)/.build/gungraun-$$version; \
+		test -x $$root/bin/gungraun-runner \
+			|| cargo install gungraun-runner --version "=$$version" --locked --root $$root; \
+		GUNGRAUN_RUNNER=$$root/bin/gungraun-runner cargo bench --locked -p pyramap-benches --bench instructions -- $(ARGS)
 
 # What users would pick instead, in an environment of its own; ARGS are for the comparison (see benches/peers/README.md).
 PEERS := .venv-peers

@@ -31,7 +31,7 @@ def main(
     rounds: Annotated[int, typer.Option(min=1, help="How often each system maps them.")] = 5,
     resolutions: Annotated[str, typer.Option(help="Voxel sizes in metres.")] = "0.02,0.04,0.08,0.16",
     threads: Annotated[str, typer.Option(help="Numbers of threads.")] = "1,2",
-    systems: Annotated[str, typer.Option(help="Only systems whose names begin so.")] = "",
+    systems: Annotated[str, typer.Option(help="Only systems whose names begin with one of these.")] = "",
     out: Annotated[Path, typer.Option(help="Folder for results.json and frame_times.png.")] = Path("out/peers"),
 ) -> None:
     """Compares pyramap with Open3D and OctoMap on the same frames, in turns, in one run."""
@@ -42,7 +42,9 @@ def main(
     with TemporaryDirectory() as folder:
         recorded = source.record(data or source.default_data(), Path(folder) / "depth", frames)
         console.print(f"{len(recorded)} frames of {recorded.name}, {rounds} rounds, voxels of {resolutions} m")
-        usable = _usable([each for each in SYSTEMS if each.name.startswith(systems)], recorded, console)
+        usable = _usable(
+            [each for each in SYSTEMS if each.name.startswith(tuple(systems.split(",")))], recorded, console
+        )
         settings = {"data": recorded.name, "frames": len(recorded), "rounds": rounds, **machine()}
         turns = [_time(usable, counts, size, recorded, rounds, console) for size in sizes]
         meshes = _mesh(usable, counts, min(sizes), recorded, rounds)

@@ -23,7 +23,7 @@ fn both_maps(frames: &Frames, voxel_size: f64, update: UpdateRule) -> [BTreeMap<
 fn check(frames: &Frames, voxel_sizes: &[f64], update: UpdateRule) {
     for &voxel_size in voxel_sizes {
         let [culled, plain] = both_maps(frames, voxel_size, update);
-        assert!(plain.len() > 100, "a map of {} blocks shows nothing", plain.len());
+        assert!(plain.len() > 10, "a map of {} blocks shows nothing", plain.len());
         // `assert_eq` would print two whole maps.
         let differing = plain.iter().filter(|(key, values)| culled.get(*key) != Some(*values)).count();
         let what = format!("{update:?} at {voxel_size} m, frames of {}", frames.source);
@@ -32,7 +32,7 @@ fn check(frames: &Frames, voxel_sizes: &[f64], update: UpdateRule) {
 }
 
 const FRAMES: usize = 6;
-/// All but the finest, which takes as long as the others together, eight times over.
+/// All but the finest, at which a map without the cull has eight times as many voxels to ask.
 const COARSE: &[f64] = VOXEL_SIZES.split_at(3).0;
 
 #[test]
