@@ -27,7 +27,12 @@ fn check(frames: &Frames, voxel_sizes: &[f64], update: UpdateRule) {
         // `assert_eq` would print two whole maps.
         let differing = plain.iter().filter(|(key, values)| culled.get(*key) != Some(*values)).count();
         let what = format!("{update:?} at {voxel_size} m, frames of {}", frames.source);
-        assert!(culled == plain, "{what}: {differing} of {} blocks differ, {} with the cull", plain.len(), culled.len());
+        assert!(
+            culled == plain,
+            "{what}: {differing} of {} blocks differ, {} with the cull",
+            plain.len(),
+            culled.len()
+        );
     }
 }
 

@@ -1,6 +1,6 @@
 //! Questions at points: log-odds, probability, and whether a voxel is free, occupied or unknown.
 
-use crate::block::{BLOCK_EDGE, BLOCK_VOXELS, Block, BlockKey, Blocks, locate, voxel_offset};
+use crate::block::{BLOCK_VOXELS, Block, BlockKey, Blocks, locate};
 use crate::error::{Error, Result};
 use crate::grid::OccupancyGrid;
 use crate::log_odds;
@@ -99,11 +99,4 @@ impl OccupancyGrid {
 
 fn known_log_odds(evidence: i32, l_0: f64) -> f32 {
     if evidence == 0 { 0.0 } else { (log_odds::from_fixed(evidence) + l_0) as f32 }
-}
-
-/// Centre of a voxel of a block, metres.
-pub fn voxel_centre(key: BlockKey, [x, y, z]: [usize; 3], voxel_size: f64) -> [f64; 3] {
-    debug_assert!(voxel_offset(x, y, z) < BLOCK_VOXELS);
-    let within = [x, y, z];
-    std::array::from_fn(|axis| (f64::from(key[axis]) * BLOCK_EDGE as f64 + within[axis] as f64 + 0.5) * voxel_size)
 }

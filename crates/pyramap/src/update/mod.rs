@@ -193,24 +193,18 @@ fn update_block<R: Rule>(scope: &Scope<R>, frame: &Frame, layout: &BlockLayout, 
             key: BlockKey,
             out: &mut BlockData,
         ) {
-            update_sub_blocks(scope, frame, layout, key, out);
+            update_eighths(scope, frame, layout, key, out);
         }
         if is_x86_feature_detected!("avx2") {
             // SAFETY: the processor was just asked.
             return unsafe { with_avx2(scope, frame, layout, key, out) };
         }
     }
-    update_sub_blocks(scope, frame, layout, key, out);
+    update_eighths(scope, frame, layout, key, out);
 }
 
 #[inline(always)]
-fn update_sub_blocks<R: Rule>(
-    scope: &Scope<R>,
-    frame: &Frame,
-    layout: &BlockLayout,
-    key: BlockKey,
-    out: &mut BlockData,
-) {
+fn update_eighths<R: Rule>(scope: &Scope<R>, frame: &Frame, layout: &BlockLayout, key: BlockKey, out: &mut BlockData) {
     let free = to_increment(frame.table.free());
     let centre = scope.view.to_camera(&scope.view.offset_of(key, 1));
     let quarters = layout.quarters.offsets.moved(centre);
@@ -275,7 +269,8 @@ fn update_lanes<R: Rule>(scope: &Scope<R>, frame: &Frame, points: &Points) -> [i
 #[inline(always)]
 fn to_increment(log_odds: f32) -> i32 {
     const ROUND: f32 = 12_582_912.0;
-    ((log_odds * STEPS + ROUND) - ROUND) as i32
+    // SAFETY: a finite number below 2^22.
+    unsafe { ((log_odds * STEPS + ROUND) - ROUND).to_int_unchecked() }
 }
 
 fn summary(increments: &BlockData) -> Change {
@@ -296,7 +291,7 @@ pub fn free_increment(table: &SensorTable) -> i32 {
     increment
 }
 
-/// Bilinear interpolation of log-odds in one layer (Eq. 15, 16): the weighted sum over valid texels, and the weights.
+/// Bilinear interpolation of log-odds in one layer (Eq. 15, 16) over the texels that have a reading; NaN where none has.
 /// Texel centres lie at half-integer `(u, v)`; texels beyond the border are those at the border.
 #[inline(always)]
 fn bilinear(frame: &Frame, i: usize, pixels: &Pixels) -> Lanes {
