@@ -76,4 +76,4 @@ $(PEERS):
 	$(PYTHON) -m venv $@
 
 clean:
-	rm -rf $(VENV) $(PEERS) target out
+	rm -rf $(VENV) $(PEERS) .build target out
