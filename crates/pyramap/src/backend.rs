@@ -72,11 +72,13 @@ pub trait Backend: Send + Sync {
 
     /// Bytes that the pool takes.
     fn pool_bytes(&self) -> usize;
-    /// Bytes by which the pool would grow at most if so many additions were made to slots, and to new ones.
+    /// Bytes by which the pool would grow if so many slots were allocated, without what is in them.
+    fn table_growth(&self, new: usize) -> usize;
+    /// Bytes by which blocks would grow at most if so many additions were made to slots, and to new ones.
     fn most_growth(&self, to_slots: usize, to_new: usize) -> usize;
-    /// Bytes by which the pool would grow if an addition of the present frame were made.
+    /// Bytes by which a block would grow if an addition of the present frame were made.
     fn growth(&self, base: Base, source: Source, sign: i32, limits: Limits) -> usize;
-    /// Bytes by which the pool would grow if a block were stored in a slot, or a new one.
+    /// Bytes by which blocks would grow if one were stored in a slot, or a new one.
     fn growth_to(&self, slot: Option<u32>, values: &BlockData) -> usize;
     /// A slot whose voxels all have one value.
     fn allocate(&mut self, value: i32) -> u32;

@@ -107,7 +107,8 @@ impl Commit<'_> {
         let entries = self.directory.len() + keys().filter(|key| entry(key).is_none()).count();
         let to_slots = keys().filter(|key| matches!(entry(key), Some(Entry::Dense(_)))).count();
         let to_new = dense.iter().filter(|(key, _)| !matches!(entry(key), Some(Entry::Dense(_)))).count();
-        if budget(self.directory, entries, backend, backend.most_growth(to_slots, to_new), Some(max_bytes)).is_ok() {
+        let check = |blocks| budget(self.directory, entries, backend, to_new, blocks, Some(max_bytes));
+        if check(backend.most_growth(to_slots, to_new)).is_ok() {
             return Ok(());
         }
         // The most that the frame may need does not fit: see what it does need.
@@ -122,11 +123,11 @@ impl Commit<'_> {
             slot => Some(growth(slot, Source::Uniform(*increment))),
         });
         let mixed = dense.iter().map(|(key, n)| growth(base(key), Source::Mixed(*n)));
-        budget(self.directory, entries, backend, to_slots.chain(mixed).sum(), Some(max_bytes))
+        check(to_slots.chain(mixed).sum())
     }
 }
 
-/// Refuses a map that would take more than it may, with so many entries and so many more bytes in the pool.
+/// Refuses a map that would take more than it may, with so many entries, new slots, and more bytes in its blocks.
 ///
 /// # Errors
 /// [`Error::MapFull`].
@@ -134,10 +135,12 @@ pub fn budget(
     directory: &Directory,
     entries: usize,
     backend: &dyn Backend,
-    growth: usize,
+    new_slots: usize,
+    blocks: usize,
     max_bytes: Option<usize>,
 ) -> Result<()> {
-    let needed = directory::bytes(directory.capacity().max(entries)) + backend.pool_bytes() + growth;
+    let pool = backend.pool_bytes() + backend.table_growth(new_slots) + blocks;
+    let needed = directory::bytes(directory, entries) + pool;
     match max_bytes {
         Some(max_bytes) if needed > max_bytes => Err(Error::MapFull { needed, max_bytes }),
         _ => Ok(()),

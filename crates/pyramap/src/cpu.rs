@@ -125,6 +125,10 @@ impl Backend for CpuBackend {
         self.pool.bytes()
     }
 
+    fn table_growth(&self, new: usize) -> usize {
+        self.pool.table_growth(new)
+    }
+
     fn most_growth(&self, to_slots: usize, to_new: usize) -> usize {
         self.pool.most_growth(to_slots, to_new)
     }

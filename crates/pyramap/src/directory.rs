@@ -16,9 +16,14 @@ pub enum Entry {
 /// From block coordinates to entries.
 pub type Directory = HashMap<BlockKey, Entry>;
 
-/// Bytes that a directory takes: every place of its table, used or not.
-pub fn bytes(capacity: usize) -> usize {
-    // The table holds seven entries in eight places, and one control byte a place.
-    let places = if capacity == 0 { 0 } else { (capacity * 8).div_ceil(7).next_power_of_two() };
-    places * (size_of::<(BlockKey, Entry)>() + 1)
+/// Bytes that a directory takes, used or not, once it holds so many entries.
+pub fn bytes(directory: &Directory, entries: usize) -> usize {
+    let now = directory.allocation_size();
+    if entries <= directory.capacity() {
+        return now;
+    }
+    // The table holds seven entries in eight places, a power of two of them, with one control byte a place and one
+    // group of 16 more. It at least doubles when it grows, which places that were given up may bring about early.
+    let places = (entries * 8).div_ceil(7).next_power_of_two();
+    (places * (size_of::<(BlockKey, Entry)>() + 1) + 16).max(2 * now)
 }

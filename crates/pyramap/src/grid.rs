@@ -159,36 +159,41 @@ impl OccupancyGrid {
         if mine.clamp != theirs.clamp {
             return refuse("clamp", format!("{:?}", mine.clamp), format!("{:?}", theirs.clamp));
         }
-        let limits = self.config.limits();
-        let sums = |key| {
-            let block = |grid: &Self| grid.block(key).unwrap_or(Block::Uniform(0)).to_data();
-            let (mut sums, theirs) = (block(self), block(other));
-            let mut lost = 0;
-            for (sum, theirs) in sums.iter_mut().zip(theirs) {
-                let (limited, overflow) = limits.add(*sum, theirs);
-                *sum = limited;
-                lost += u64::from(overflow);
-            }
-            (sums, lost)
-        };
         if self.config.max_bytes.is_some() {
             let new = other.directory.keys().filter(|key| !self.directory.contains_key(*key)).count();
-            let growth = |key: &BlockKey| match sums(*key).0 {
-                values if Block::Dense(&values).uniform_value().is_some() => 0,
-                values => self.backend.growth_to(self.slot(*key), &values),
-            };
-            let growth = other.directory.keys().map(growth).sum();
+            let (mut new_slots, mut blocks) = (0, 0);
+            for &key in other.directory.keys() {
+                let (values, slot) = (self.sums(other, key).0, self.slot(key));
+                if Block::Dense(&values).uniform_value().is_none() {
+                    new_slots += usize::from(slot.is_none());
+                    blocks += self.backend.growth_to(slot, &values);
+                }
+            }
             let entries = self.directory.len() + new;
-            budget(&self.directory, entries, self.backend.as_ref(), growth, self.config.max_bytes)?;
+            budget(&self.directory, entries, self.backend.as_ref(), new_slots, blocks, self.config.max_bytes)?;
         }
-        let merged: Vec<_> = other.directory.keys().map(|&key| (key, sums(key))).collect();
-        for (key, (values, lost)) in merged {
+        for &key in other.directory.keys() {
+            let (values, lost) = self.sums(other, key);
             self.set_block(key, &values);
             self.saturated = self.saturated.saturating_add(lost);
         }
         self.num_frames = self.num_frames.saturating_add(other.num_frames);
         self.saturated = self.saturated.saturating_add(other.saturated);
         Ok(())
+    }
+
+    /// A block of both maps together, and how many voxels `i32` was too small for.
+    fn sums(&self, other: &Self, key: BlockKey) -> (BlockData, u64) {
+        let limits = self.config.limits();
+        let block = |grid: &Self| grid.block(key).unwrap_or(Block::Uniform(0)).to_data();
+        let (mut sums, theirs) = (block(self), block(other));
+        let mut lost = 0;
+        for (sum, theirs) in sums.iter_mut().zip(theirs) {
+            let (limited, overflow) = limits.add(*sum, theirs);
+            *sum = limited;
+            lost += u64::from(overflow);
+        }
+        (sums, lost)
     }
 
     /// The slot of a dense block.
@@ -267,7 +272,7 @@ impl OccupancyGrid {
 
     /// Bytes that the map takes: dense blocks and directory.
     pub fn nbytes(&self) -> usize {
-        directory::bytes(self.directory.capacity()) + self.backend.pool_bytes()
+        directory::bytes(&self.directory, self.directory.len()) + self.backend.pool_bytes()
     }
 
     /// Lowest and highest corner, metres, of the box around all blocks; `None` for an empty map.

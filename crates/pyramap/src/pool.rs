@@ -25,6 +25,9 @@ enum Voxels {
     Wide(Box<BlockData>),
 }
 
+/// The table of slots grows by so many at a time, not by doubling: then what it will take is known, and `max_bytes` holds.
+const TABLE_STEP: usize = 1024;
+
 /// The directory names only slots that it was given and has not given back.
 const IN_USE: &str = "a slot that is in use";
 
@@ -33,16 +36,26 @@ impl Pool {
     pub fn bytes(&self) -> usize {
         self.num_narrow * size_of::<NarrowBlockData>()
             + self.num_wide * size_of::<BlockData>()
-            + self.slots.capacity() * size_of::<Option<Voxels>>()
-            + self.unused.capacity() * size_of::<u32>()
+            + Self::table_bytes(self.slots.capacity())
     }
 
-    /// Bytes by which the pool would grow at most: narrow blocks may widen, and new ones be wide.
+    /// Bytes of a table of so many slots, and of the list of those that are not in use.
+    fn table_bytes(slots: usize) -> usize {
+        slots * (size_of::<Option<Voxels>>() + size_of::<u32>())
+    }
+
+    /// Bytes by which the table would grow if so many slots were allocated.
+    pub fn table_growth(&self, new: usize) -> usize {
+        let slots = (self.slots.len() + new).saturating_sub(self.unused.len()).next_multiple_of(TABLE_STEP);
+        Self::table_bytes(slots.saturating_sub(self.slots.capacity()))
+    }
+
+    /// Bytes by which blocks would grow at most: narrow blocks may widen, and new ones be wide.
     pub fn most_growth(&self, to_slots: usize, to_new: usize) -> usize {
         to_slots * (size_of::<BlockData>() - size_of::<NarrowBlockData>()) + to_new * size_of::<BlockData>()
     }
 
-    /// Bytes by which the pool would grow if `values` were stored in a slot, or a new one.
+    /// Bytes by which blocks would grow if `values` were stored in a slot, or a new one.
     pub fn growth_to(&self, slot: Option<u32>, values: &BlockData) -> usize {
         let needed = if narrowed(values).is_some() { size_of::<NarrowBlockData>() } else { size_of::<BlockData>() };
         let taken = slot.map_or(0, |slot| match self.voxels(slot) {
@@ -55,6 +68,10 @@ impl Pool {
     /// A slot whose voxels all have one value.
     pub fn allocate(&mut self, value: i32) -> u32 {
         let slot = self.unused.pop().unwrap_or_else(|| {
+            if self.slots.len() == self.slots.capacity() {
+                self.slots.reserve_exact(TABLE_STEP);
+                self.unused.reserve_exact(self.slots.capacity());
+            }
             self.slots.push(None);
             (self.slots.len() - 1) as u32
         });

@@ -200,8 +200,8 @@ mod tests {
     use super::*;
     use crate::sensor::SensorModel;
 
-    /// Every rectangle of a small layer: the bounds hold for all its texels, and take in none that is more than one
-    /// cell away.
+    /// Every rectangle of a small layer: the bounds hold for all its texels, and take in none that is
+    /// farther off than the rectangle, or the finest square, is large.
     #[test]
     fn bounds_hold_for_every_rectangle() {
         let (width, height) = (23, 17);

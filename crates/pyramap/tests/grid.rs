@@ -163,6 +163,25 @@ fn a_full_map_is_unchanged() {
 }
 
 #[test]
+fn a_map_never_takes_more_than_it_may() {
+    let mut config = config(0.06, UpdateRule::Pyramid);
+    for max_bytes in (1..60).map(|n| n * 23_000) {
+        config.max_bytes = Some(max_bytes);
+        let mut grid = OccupancyGrid::new(config.clone()).unwrap();
+        for frame in 0..12 {
+            let depth = depth(frame);
+            let image = DepthImage::new(Depth::F32(&depth), WIDTH, HEIGHT).unwrap();
+            let fused = grid.integrate(&image, &camera(), &pose(frame));
+            assert!(matches!(fused, Ok(_) | Err(Error::MapFull { .. })));
+            if fused.is_ok() && frame % 3 == 1 {
+                remove(&mut grid, frame).unwrap();
+            }
+            assert!(grid.nbytes() <= max_bytes, "{} bytes, {max_bytes} allowed", grid.nbytes());
+        }
+    }
+}
+
+#[test]
 fn clamped_maps_stay_within_and_cannot_remove() {
     let mut config = config(0.08, UpdateRule::Pyramid);
     config.clamp = Some((-2.0, 3.5));
