@@ -1,15 +1,15 @@
-//! `OccupancyGrid` and `FrameStats`.
+//! `OccupancyGrid`.
 
 use crate::arrays::{self, DepthArray};
 use crate::camera::PinholeCamera;
 use crate::errors::to_py;
 use crate::mesh::Mesh;
 use crate::sensor::SensorModel;
+use crate::stats::FrameStats;
 use crate::threads::{run, with_pool};
 use numpy::{PyArray1, PyArray2, PyArray4, PyArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
 use pyramap::block::BLOCK_EDGE;
 use pyramap::mesh::MeshOptions;
 use pyramap::{BeyondMaxRange, GridConfig, Pose, UpdateRule};
@@ -477,50 +477,5 @@ impl OccupancyGrid {
             let (frames, blocks) = (grid.num_frames(), grid.num_blocks());
             format!("OccupancyGrid(voxel_size={voxel_size}, update={update:?}, {frames} frames, {blocks} blocks)")
         })
-    }
-}
-
-/// What a frame did to the map, returned by `OccupancyGrid.integrate` and `OccupancyGrid.remove`.
-#[pyclass(frozen, module = "pyramap")]
-pub struct FrameStats(pyramap::FrameStats);
-
-#[pymethods]
-impl FrameStats {
-    /// Blocks found free throughout without asking a voxel.
-    #[getter]
-    fn blocks_free(&self) -> usize {
-        self.0.blocks_free
-    }
-
-    /// Blocks whose voxels were asked.
-    #[getter]
-    fn blocks_mixed(&self) -> usize {
-        self.0.blocks_mixed
-    }
-
-    /// Voxels whose evidence changed.
-    #[getter]
-    fn voxels_updated(&self) -> usize {
-        self.0.voxels_updated
-    }
-
-    /// Voxels whose evidence was too large to be stored whole.
-    #[getter]
-    fn saturated(&self) -> u64 {
-        self.0.saturated
-    }
-
-    /// Seconds by stage, in order: ranges, pyramid, cull, update, commit.
-    #[getter]
-    fn seconds<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let seconds = PyDict::new(py);
-        self.0.seconds.named().into_iter().try_for_each(|(stage, value)| seconds.set_item(stage, value))?;
-        Ok(seconds)
-    }
-
-    fn __repr__(&self) -> String {
-        let stats = &self.0;
-        let (free, mixed, voxels) = (stats.blocks_free, stats.blocks_mixed, stats.voxels_updated);
-        format!("FrameStats(blocks_free={free}, blocks_mixed={mixed}, voxels_updated={voxels})")
     }
 }

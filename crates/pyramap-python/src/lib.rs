@@ -8,6 +8,7 @@ mod mesh;
 mod scenes;
 mod sensor;
 mod stages;
+mod stats;
 mod threads;
 
 use pyo3::prelude::*;
@@ -19,7 +20,7 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<camera::PinholeCamera>()?;
     m.add_class::<sensor::SensorModel>()?;
     m.add_class::<grid::OccupancyGrid>()?;
-    m.add_class::<grid::FrameStats>()?;
+    m.add_class::<stats::FrameStats>()?;
     m.add_class::<mesh::Mesh>()?;
     m.add_function(wrap_pyfunction!(stages::ranges, m)?)?;
     m.add_function(wrap_pyfunction!(stages::pyramid, m)?)?;

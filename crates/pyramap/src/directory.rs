@@ -22,8 +22,28 @@ pub fn bytes(directory: &Directory, entries: usize) -> usize {
     if entries <= directory.capacity() {
         return now;
     }
-    // The table holds seven entries in eight places, a power of two of them, with one control byte a place and one
+    // The table holds seven entries in eight places, a power of two of them and at least four, with one control byte a place and one
     // group of 16 more. It at least doubles when it grows, which places that were given up may bring about early.
-    let places = (entries * 8).div_ceil(7).next_power_of_two();
+    let places = (entries * 8).div_ceil(7).next_power_of_two().max(4);
     (places * (size_of::<(BlockKey, Entry)>() + 1) + 16).max(2 * now)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_next_size_is_known_before_it_comes() {
+        let mut directory = Directory::default();
+        for n in 0..30_000 {
+            let predicted = bytes(&directory, directory.len() + 1);
+            directory.insert([n, -n, 7 * n], Entry::Uniform(1));
+            assert!(bytes(&directory, directory.len()) <= predicted, "at {n}: {predicted}");
+            // Places that were given up are not free at once.
+            if n % 3 == 0 {
+                directory.remove(&[n / 2, -n / 2, 7 * (n / 2)]);
+            }
+        }
+        assert_eq!(bytes(&directory, 0), directory.allocation_size());
+    }
 }

@@ -298,13 +298,13 @@ fn bilinear(frame: &Frame, i: usize, pixels: &Pixels) -> Lanes {
     let layer = &frame.layers[i];
     assert!(!layer.surface.is_empty(), "layer {i} is one that this rule reads");
     let scale = 1.0 / (1u32 << i) as f32;
-    let (columns, rows) = Taps::pair(&pixels.u, &pixels.v, scale, layer);
+    let (columns, rows) = (taps(&pixels.u, scale, layer.width), taps(&pixels.v, scale, layer.height));
     let mut sum = [0.0; 8];
     let mut weight = [0.0; 8];
     for (row, row_weight) in &rows {
         for (column, column_weight) in &columns {
             for n in 0..8 {
-                // SAFETY: `Taps` clamps to the layer.
+                // SAFETY: `taps` clamps to the layer.
                 let texel = (row[n] as usize) * layer.width + column[n] as usize;
                 let surface = unsafe { *layer.surface.get_unchecked(texel) };
                 let inv_sigma = if layer.inv_sigma.len() == 1 {
@@ -322,29 +322,21 @@ fn bilinear(frame: &Frame, i: usize, pixels: &Pixels) -> Lanes {
     std::array::from_fn(|n| if weight[n] > 0.0 { sum[n] / weight[n] } else { f32::NAN })
 }
 
-/// The two texels along one axis between which a coordinate lies, and their weights.
-struct Taps;
-
+/// One texel for each of eight coordinates along one axis, and its weight.
 type Tap = ([u32; 8], Lanes);
 
-impl Taps {
-    #[inline(always)]
-    fn pair(u: &Lanes, v: &Lanes, scale: f32, layer: &SurfaceLayer) -> ([Tap; 2], [Tap; 2]) {
-        (Self::along(u, scale, layer.width), Self::along(v, scale, layer.height))
+/// The two texels along one axis between which each coordinate lies, clamped to the layer, and their weights.
+#[inline(always)]
+fn taps(coordinate: &Lanes, scale: f32, size: usize) -> [Tap; 2] {
+    let last = (size - 1) as f32;
+    let mut taps = [([0; 8], [0.0; 8]); 2];
+    for n in 0..8 {
+        let x = coordinate[n] * scale - 0.5;
+        let floor = x.floor();
+        taps[0].0[n] = texel(floor, last);
+        taps[1].0[n] = texel(floor + 1.0, last);
+        taps[1].1[n] = x - floor;
+        taps[0].1[n] = 1.0 - (x - floor);
     }
-
-    #[inline(always)]
-    fn along(coordinate: &Lanes, scale: f32, size: usize) -> [Tap; 2] {
-        let last = (size - 1) as f32;
-        let mut taps = [([0; 8], [0.0; 8]); 2];
-        for n in 0..8 {
-            let x = coordinate[n] * scale - 0.5;
-            let floor = x.floor();
-            taps[0].0[n] = texel(floor, last);
-            taps[1].0[n] = texel(floor + 1.0, last);
-            taps[1].1[n] = x - floor;
-            taps[0].1[n] = 1.0 - (x - floor);
-        }
-        taps
-    }
+    taps
 }
