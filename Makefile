@@ -9,12 +9,12 @@ export VIRTUAL_ENV := $(CURDIR)/$(VENV)
 export PYO3_PYTHON := $(CURDIR)/$(PY)
 unexport CONDA_PREFIX
 
-.PHONY: demo test setup build lint test-rust test-python bench bench-instructions bench-peers bench-peers-full peers clean
+.PHONY: demo test vulkan setup build lint test-rust test-python bench bench-instructions bench-peers bench-peers-full peers clean
 
 demo: build
 	$(VENV)/bin/pyramap demo -o out
 
-test: lint test-rust test-python
+test: vulkan lint test-rust test-python
 
 # The environment, with exactly the locked packages. It is made again when the lock changes.
 setup: $(VENV)/.locked
@@ -25,6 +25,21 @@ $(VENV)/.locked: requirements.lock
 	$(PYTHON) -m venv $(VENV)
 	$(PY) -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements.lock
 	touch $@
+
+# The GPU backend is tested on whatever Vulkan device there is. Where there is none, Mesa's software device is installed
+# if that may be done; else its tests are skipped, and say so.
+ICD := /usr/share/vulkan/icd.d /usr/local/share/vulkan/icd.d /etc/vulkan/icd.d
+vulkan:
+	@if [ "$$(uname)" != Linux ] || [ -n "$$(find $(ICD) -name '*.json' 2>/dev/null)" ]; then exit 0; fi; \
+	if ! command -v apt-get >/dev/null; then \
+		echo "No Vulkan driver: the GPU tests will be skipped. Install Mesa's Vulkan drivers to run them." >&2; exit 0; fi; \
+	if [ "$$(id -u)" = 0 ]; then sudo=; elif sudo -n true 2>/dev/null; then sudo="sudo -n"; else \
+		echo "No Vulkan driver: the GPU tests will be skipped. To run them: sudo apt-get install mesa-vulkan-drivers" >&2; \
+		exit 0; fi; \
+	echo "installing mesa-vulkan-drivers, for the GPU tests"; \
+	$$sudo apt-get install -qq -y --no-install-recommends mesa-vulkan-drivers >/dev/null 2>&1 \
+		|| { $$sudo apt-get update -qq && $$sudo apt-get install -qq -y --no-install-recommends mesa-vulkan-drivers >/dev/null; } \
+		|| echo "mesa-vulkan-drivers could not be installed: the GPU tests will be skipped" >&2
 
 # The extension is built anew whenever cargo finds that it must be; that takes seconds when nothing changed.
 build: setup

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +24,7 @@ from dataset_files import (
 from PIL import Image
 from pyramap import datasets
 from pyramap.datasets import Dataset, DatasetError
+from real_data import real
 
 # --- 7-Scenes ---------------------------------------------------------------------------------------------------------
 
@@ -345,14 +345,6 @@ def test_bad_arguments(tmp_path: Path, arguments: dict[str, Any], message: str) 
 
 
 # --- Real data --------------------------------------------------------------------------------------------------------
-
-
-def real(name: str) -> Path:
-    folders = [Path(os.environ.get("PYRAMAP_DATA", "")), Path(__file__).parents[2] / "shared/data"]
-    found = next((folder / name for folder in folders if folder.parts and (folder / name).is_dir()), None)
-    if found is None:
-        pytest.skip(f"{name} lies neither in ../shared/data nor in $PYRAMAP_DATA")
-    return found
 
 
 def test_real_red_kitchen() -> None:

@@ -15,6 +15,7 @@ SMALL = {
     "area_sampling.py": ["--quick"],
     "first_map.py": ["--frames", "4"],
     "correct_a_pose.py": ["--frames", "4"],
+    "loop_closure.py": ["--frames", "16"],
     "merge_maps.py": ["--frames", "6"],
     "spheres_accuracy.py": ["--quick"],
 }
@@ -39,6 +40,16 @@ def test_first_map(tmp_path: Path) -> None:
 
 def test_correct_a_pose() -> None:
     assert "the same to the last byte" in run("correct_a_pose.py")
+
+
+def test_loop_closure(tmp_path: Path) -> None:
+    lines = run("loop_closure.py", "--folder", str(tmp_path)).splitlines()
+    assert "is the same to the last byte" in lines[-1]
+    reports = [line.split() for line in lines if ": poses off by " in line]
+    (before, after) = (float(words[words.index("by") + 1]) for words in reports)  # metres
+    assert after < before / 3
+    pictures = [(tmp_path / f"loop_{name}.png").read_bytes() for name in ("before", "after")]
+    assert pictures[0] != pictures[1]
 
 
 def test_merge_maps() -> None:

@@ -20,7 +20,7 @@ from hypothesis import strategies as st
 from PIL import Image
 
 MAGIC = b"PYRAMAP\0"
-VERSION = struct.pack("<I", 1)
+VERSION = struct.pack("<I", 2)
 PREAMBLE = len(MAGIC + VERSION)
 FRAMES = random_frames(3, seed=8)
 
@@ -180,8 +180,8 @@ def test_path_may_be_a_str_or_a_path(tmp_path: Path, monkeypatch: pytest.MonkeyP
 def test_an_unknown_backend_is_refused_at_load(saved: bytes, tmp_path: Path) -> None:
     path = tmp_path / "map.pmap"
     path.write_bytes(saved)
-    with pytest.raises(ValueError, match='backend is "gpu", but this build has no GPU backend'):
-        pm.OccupancyGrid.load(path, backend="gpu")  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match='backend is "cuda", expected "auto" or "cpu" or "gpu"'):
+        pm.OccupancyGrid.load(path, backend="cuda")  # type: ignore[arg-type]
 
 
 # ---- damage ----
@@ -209,7 +209,8 @@ def test_every_flipped_bit_is_noticed(saved: bytes, refuses: Damaged) -> None:
         (b"PYRAMAP", "not a pyramap map"),
         (b"ply\nformat ascii 1.0\n", "not a pyramap map"),
         (MAGIC, "cut off"),
-        (MAGIC + struct.pack("<I", 2), "format version 2, this program reads 1"),
+        (MAGIC + struct.pack("<I", 0), "format version 0, this program reads 1 to 2"),
+        (MAGIC + struct.pack("<I", 3), "format version 3, this program reads 1 to 2"),
         (MAGIC + struct.pack("<I", 2**32 - 1), "format version 4294967295"),
         (MAGIC + VERSION, "cut off"),
     ],
@@ -340,6 +341,29 @@ def test_parameters_in_the_file_are_checked(
         assert np.isfinite(grid.block_log_odds(grid.block_coords())).all()
     else:
         refuses(file, "bad parameters: .* is .*, expected")
+
+
+@pytest.mark.parametrize(
+    ("decays", "product", "possible"),
+    [
+        *((0, 1.0, True), (0, 0.5, False), (0, float("nan"), False)),
+        *((3, 0.5, True), (3, 0.0, True), (3, 1.0, False), (3, -0.5, False), (3, 2.0, False), (3, float("nan"), False)),
+    ],
+)
+def test_the_history_in_the_file_is_checked(
+    decays: int, product: float, possible: bool, saved: bytes, refuses: Damaged, tmp_path: Path
+) -> None:
+    head, *rest = sections_of(saved)
+    parameters, none = head.payload[:-10], head.payload[-10:]
+    assert none == b"\0" + struct.pack("<d", 1.0) + b"\0"  # no decays, their product, no erasures
+    file = file_of([Section(b"HEAD", parameters + bytes([decays]) + struct.pack("<d", product) + b"\7"), *rest])
+    if possible:
+        path = tmp_path / "history.pmap"
+        path.write_bytes(file)
+        grid = pm.OccupancyGrid.load(path)
+        assert (grid.num_decays, grid.decay_product, grid.num_erasures) == (decays, product, 7)
+    else:
+        refuses(file, f"bad parameters: decay_product is .* of {decays} decays, expected")
 
 
 @seeded

@@ -3,7 +3,7 @@
 use numpy::{Element, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArray, PyUntypedArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use pyramap::{Depth, DepthImage, Pose};
+use pyramap::{Depth, DepthImage, Pose, Region};
 
 /// A depth image held for the length of a call: C-contiguous, of a type that the library knows.
 pub struct DepthArray<'py> {
@@ -79,42 +79,89 @@ pub fn pose(world_from_camera: &Bound<'_, PyAny>) -> PyResult<Pose> {
     Pose::from_rows(&std::array::from_fn(|r| std::array::from_fn(|c| rows[4 * r + c]))).map_err(crate::errors::to_py)
 }
 
+/// Many `world_from_camera`: anything that numpy makes an (N, 4, 4) float64 array of.
+pub fn poses(poses: &Bound<'_, PyAny>) -> PyResult<Vec<Pose>> {
+    let (values, shape) = float64(poses, "poses")?;
+    if !matches!(shape[..], [_, 4, 4]) {
+        return Err(PyValueError::new_err(format!("poses have shape {shape:?}, expected (N, 4, 4)")));
+    }
+    let pose = |(n, values): (usize, &[f64; 16])| {
+        let rows = std::array::from_fn(|r| std::array::from_fn(|c| values[4 * r + c]));
+        Pose::from_rows(&rows)
+            .map_err(|error| PyValueError::new_err(format!("poses[{n}] as a {error}")))
+    };
+    values.as_chunks().0.iter().enumerate().map(pose).collect()
+}
+
 /// World points: anything that numpy makes an (N, 3) float64 array of.
 pub fn points(points: &Bound<'_, PyAny>) -> PyResult<Vec<[f64; 3]>> {
-    let (values, shape) = float64(points, "points")?;
-    match shape[..] {
-        [_, 3] => Ok(values.as_chunks().0.to_vec()),
-        _ => Err(PyValueError::new_err(format!("points have shape {shape:?}, expected (N, 3)"))),
+    Ok(Rows::new(points, "points")?.get()?.to_vec())
+}
+
+/// Rows of `N` numbers held for the length of a call: anything that numpy makes an (_, N) float64 array of, copied only
+/// if it is not one already.
+pub struct Rows<'py, const N: usize>(PyReadonlyArrayDyn<'py, f64>);
+
+impl<'py, const N: usize> Rows<'py, N> {
+    /// Takes the argument of this name.
+    pub fn new(value: &Bound<'py, PyAny>, name: &str) -> PyResult<Self> {
+        let (array, shape) = float64_array(value, name)?;
+        match shape[..] {
+            [_, columns] if columns == N => Ok(Self(array)),
+            _ => Err(PyValueError::new_err(format!("{name} have shape {shape:?}, expected (N, {N})"))),
+        }
+    }
+
+    /// The rows, to be used while the array is held.
+    pub fn get(&self) -> PyResult<&[[f64; N]]> {
+        Ok(self.0.as_slice()?.as_chunks().0)
     }
 }
 
-/// Block coordinates: an (N, 3) array of integers.
-pub fn block_keys(coords: &Bound<'_, PyAny>) -> PyResult<Vec<[i32; 3]>> {
+/// A box: anything that numpy makes a (2, 3) float64 array of, its lowest and its highest corner.
+pub fn region(region: &Bound<'_, PyAny>) -> PyResult<Region> {
+    let (values, shape) = float64(region, "region")?;
+    match (&shape[..], values.as_chunks().0) {
+        ([2, 3], &[low, high]) => Region::new(low, high).map_err(crate::errors::to_py),
+        _ => Err(PyValueError::new_err(format!("region has shape {shape:?}, expected (2, 3): low and high corner"))),
+    }
+}
+
+/// Coordinates of blocks or indices of voxels: an (N, 3) array of integers.
+pub fn integers(value: &Bound<'_, PyAny>, name: &str) -> PyResult<Vec<[i32; 3]>> {
     let expected = "expected an (N, 3) array of integers of at most 64 bits with sign";
-    let numpy = coords.py().import("numpy")?;
-    let array = numpy.call_method1("asarray", (coords,))?;
+    let numpy = value.py().import("numpy")?;
+    let array = numpy.call_method1("asarray", (value,))?;
     let kind: String = array.getattr("dtype")?.getattr("kind")?.extract()?;
     let shape: Vec<usize> = array.getattr("shape")?.extract()?;
     let dtype = array.getattr("dtype")?;
     let fits: bool = numpy.call_method1("can_cast", (&dtype, "int64"))?.extract()?;
     if !(kind == "i" || kind == "u") || !fits || shape.len() != 2 || shape[1] != 3 {
-        return Err(PyValueError::new_err(format!("coords have dtype {dtype} and shape {shape:?}, {expected}")));
+        return Err(PyValueError::new_err(format!("{name} have dtype {dtype} and shape {shape:?}, {expected}")));
     }
     let wide = numpy.call_method1("require", (array, "int64", "CA"))?;
     let wide = wide.cast::<PyArrayDyn<i64>>()?.try_readonly()?;
-    let beyond = |c: &i64| PyValueError::new_err(format!("coords hold {c}, expected numbers of 32 bits"));
+    let beyond = |c: &i64| PyValueError::new_err(format!("{name} hold {c}, expected numbers of 32 bits"));
     let keys: Result<Vec<i32>, &i64> = wide.as_slice()?.iter().map(|c| i32::try_from(*c).map_err(|_| c)).collect();
     Ok(keys.map_err(beyond)?.as_chunks().0.to_vec())
 }
 
 /// The elements of whatever numpy can make float64 of, in C order, and its shape.
 fn float64(value: &Bound<'_, PyAny>, name: &str) -> PyResult<(Vec<f64>, Vec<usize>)> {
+    let (array, shape) = float64_array(value, name)?;
+    Ok((array.as_slice()?.to_vec(), shape))
+}
+
+/// The same without a copy where it is such an array already.
+fn float64_array<'py>(
+    value: &Bound<'py, PyAny>,
+    name: &str,
+) -> PyResult<(PyReadonlyArrayDyn<'py, f64>, Vec<usize>)> {
     let array = value.py().import("numpy")?.call_method1("require", (value, "float64", "CA")).map_err(|error| {
         PyValueError::new_err(format!("{name} is a {} that is no array of numbers: {error}", type_name(value)))
     })?;
     let shape: Vec<usize> = array.getattr("shape")?.extract()?;
-    let array = array.cast::<PyArrayDyn<f64>>()?.try_readonly()?;
-    Ok((array.as_slice()?.to_vec(), shape))
+    Ok((array.cast::<PyArrayDyn<f64>>()?.try_readonly()?, shape))
 }
 
 fn type_name(value: &Bound<'_, PyAny>) -> String {

@@ -2,6 +2,7 @@
 
 use crate::arrays::{self, DepthArray};
 use crate::camera::PinholeCamera;
+use crate::devices::Choice;
 use crate::errors::to_py;
 use crate::mesh::Mesh;
 use crate::sensor::SensorModel;
@@ -14,7 +15,7 @@ use pyramap::block::BLOCK_EDGE;
 use pyramap::mesh::MeshOptions;
 use pyramap::{BeyondMaxRange, GridConfig, Pose, UpdateRule};
 use std::path::PathBuf;
-use std::sync::{PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
+use std::sync::{Arc, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
 
 /// A sparse map of log-odds out of depth images: what is free, what is occupied, and what nobody has seen.
 ///
@@ -33,30 +34,37 @@ use std::sync::{PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
 ///         interpolated (Eq. 10 to 17). "area": the mean of the log-odds at points spread in the voxel, read at full
 ///         resolution. "min_layer": one layer of least ranges, interpolated (after Andert 2009). "ideal": all rays that
 ///         cut the voxel, weighted by their length in it (Eq. 8 and 9): exact and slow.
-///     backend: "auto" or "cpu".
+///     backend: "cpu"; "gpu", through Vulkan, Metal or DirectX 12; or "auto": a real GPU if there is one, else the CPU.
+///         A GPU has all rules but "ideal". It agrees with the CPU within 1e-3 log-odds a frame.
 ///     clamp: `(low, high)` log-odds within which voxels are kept, so that the map follows changes quickly; one below and
 ///         one above the prior's. Frames cannot be removed then, and their order matters. Default: no bounds.
 ///     max_bytes: The most that `nbytes` may come to. Default: no limit.
 ///     prior: Probability of being occupied before anything is seen (Eq. 4), between 0 and 1.
 ///     beyond_max_range: What a reading farther than `max_range` says. "free": all is free up to `max_range`. "ignore":
 ///         nothing, as if there were no reading.
+///     adapter: Part of the name of the GPU to use, in whatever case; see `devices`. The environment's PYRAMAP_ADAPTER
+///         says the same. Default: the best there is. A software adapter is used only if it is named.
 ///
 /// Raises:
 ///     ValueError: If a parameter is out of its range; the message names it.
+///     DeviceError: If a GPU is asked for and there is none that can be used; the message says what was found.
 #[pyclass(frozen, module = "pyramap")]
-pub struct OccupancyGrid(RwLock<pyramap::OccupancyGrid>);
+pub struct OccupancyGrid(SharedGrid);
+
+/// A map that its Python object and those that answer for it later share.
+pub type SharedGrid = Arc<RwLock<pyramap::OccupancyGrid>>;
 
 /// The words for an update rule, and for readings beyond the range.
-const UPDATES: [(&str, UpdateRule); 4] = [
+const UPDATES: [(&str, UpdateRule); 5] = [
     ("pyramid", UpdateRule::Pyramid),
     ("area", UpdateRule::Area),
     ("min_layer", UpdateRule::MinLayer),
     ("ideal", UpdateRule::Ideal),
+    ("rays", UpdateRule::Rays),
 ];
 const BEYOND: [(&str, BeyondMaxRange); 2] = [("free", BeyondMaxRange::Free), ("ignore", BeyondMaxRange::Ignore)];
-const BACKENDS: [(&str, ()); 2] = [("auto", ()), ("cpu", ())];
 
-fn parse<T: Copy>(name: &str, got: &str, words: &[(&str, T)]) -> PyResult<T> {
+pub fn parse<T: Copy>(name: &str, got: &str, words: &[(&str, T)]) -> PyResult<T> {
     words.iter().find(|(word, _)| *word == got).map(|&(_, value)| value).ok_or_else(|| {
         let expected: Vec<String> = words.iter().map(|(word, _)| format!("{word:?}")).collect();
         PyValueError::new_err(format!("{name} is {got:?}, expected {}", expected.join(" or ")))
@@ -67,23 +75,25 @@ fn word<T: PartialEq>(value: T, words: &[(&'static str, T)]) -> &'static str {
     words.iter().find(|(_, other)| *other == value).expect("every value has its word").0
 }
 
-fn count(name: &str, got: i64, expected: &str) -> PyResult<usize> {
+pub fn count(name: &str, got: i64, expected: &str) -> PyResult<usize> {
     usize::try_from(got).map_err(|_| PyValueError::new_err(format!("{name} is {got}, expected {expected}")))
 }
 
-fn check_backend(backend: &str) -> PyResult<()> {
-    if backend == "gpu" {
-        return Err(PyValueError::new_err(
-            "backend is \"gpu\", but this build has no GPU backend; expected \"auto\" or \"cpu\"",
-        ));
-    }
-    parse("backend", backend, &BACKENDS)
-}
-
 impl OccupancyGrid {
-    fn read(&self) -> RwLockReadGuard<'_, pyramap::OccupancyGrid> {
+    pub fn new_shared(grid: pyramap::OccupancyGrid) -> Self {
+        Self(Arc::new(RwLock::new(grid)))
+    }
+
+    /// The map with all its frames.
+    fn read(&self) -> pyramap::Result<RwLockReadGuard<'_, pyramap::OccupancyGrid>> {
         // A panic cannot leave the map half changed: all that may fail comes before the commit.
-        self.0.read().unwrap_or_else(PoisonError::into_inner)
+        let grid = self.0.read().unwrap_or_else(PoisonError::into_inner);
+        if grid.is_synchronized() {
+            return Ok(grid);
+        }
+        drop(grid);
+        self.write().synchronize()?;
+        Ok(self.0.read().unwrap_or_else(PoisonError::into_inner))
     }
 
     fn write(&self) -> RwLockWriteGuard<'_, pyramap::OccupancyGrid> {
@@ -91,19 +101,19 @@ impl OccupancyGrid {
     }
 
     /// Asks the map without the GIL.
-    fn ask<T: Send>(
+    pub fn ask<T: Send>(
         &self,
         py: Python<'_>,
         question: impl FnOnce(&pyramap::OccupancyGrid) -> pyramap::Result<T> + Send,
     ) -> PyResult<T> {
         with_pool(py, |pool| {
-            let grid = &*self.read();
+            let grid = &*self.read()?;
             pool.install(|| question(grid))
         })
     }
 
     /// Changes the map without the GIL.
-    fn change<T: Send>(
+    pub fn change<T: Send>(
         &self,
         py: Python<'_>,
         change: impl FnOnce(&mut pyramap::OccupancyGrid) -> pyramap::Result<T> + Send,
@@ -114,12 +124,17 @@ impl OccupancyGrid {
         })
     }
 
-    /// A property, read without holding the GIL while another thread integrates.
-    fn property<T: Send>(&self, py: Python<'_>, get: impl FnOnce(&pyramap::OccupancyGrid) -> T + Send) -> T {
-        py.detach(|| get(&self.read()))
+    /// A property that frames change, read without holding the GIL while another thread integrates.
+    fn property<T: Send>(&self, py: Python<'_>, get: impl FnOnce(&pyramap::OccupancyGrid) -> T + Send) -> PyResult<T> {
+        py.detach(|| self.read().map(|grid| get(&grid))).map_err(to_py)
     }
 
-    fn frame<'py>(
+    /// A parameter of the map, which no frame changes.
+    fn parameter<T: Send>(&self, py: Python<'_>, get: impl FnOnce(&pyramap::OccupancyGrid) -> T + Send) -> T {
+        py.detach(|| get(&self.0.read().unwrap_or_else(PoisonError::into_inner)))
+    }
+
+    fn frame<'py, T: Send>(
         &self,
         depth: &Bound<'py, PyAny>,
         camera: PinholeCamera,
@@ -130,13 +145,13 @@ impl OccupancyGrid {
             &pyramap::DepthImage,
             &pyramap::PinholeCamera,
             &Pose,
-        ) -> pyramap::Result<pyramap::FrameStats>
+        ) -> pyramap::Result<T>
         + Send,
-    ) -> PyResult<FrameStats> {
+    ) -> PyResult<T> {
         let depth_array = DepthArray::new(depth, depth_scale)?;
         let image = depth_array.image()?;
         let pose = arrays::pose(world_from_camera)?;
-        self.change(depth.py(), |grid| fuse(grid, &image, &camera.0, &pose)).map(FrameStats)
+        self.change(depth.py(), |grid| fuse(grid, &image, &camera.0, &pose))
     }
 }
 
@@ -144,9 +159,10 @@ impl OccupancyGrid {
 impl OccupancyGrid {
     #[new]
     #[pyo3(signature = (voxel_size, sensor_model = None, max_range = 5.0, update = "pyramid", backend = "auto",
-                        clamp = None, max_bytes = None, prior = 0.5, beyond_max_range = "free"))]
+                        clamp = None, max_bytes = None, prior = 0.5, beyond_max_range = "free", adapter = None))]
     #[expect(clippy::too_many_arguments, reason = "keyword arguments in Python")]
     fn new(
+        py: Python<'_>,
         voxel_size: f64,
         sensor_model: Option<SensorModel>,
         max_range: f64,
@@ -156,8 +172,9 @@ impl OccupancyGrid {
         max_bytes: Option<i64>,
         prior: f64,
         beyond_max_range: &str,
+        adapter: Option<String>,
     ) -> PyResult<Self> {
-        check_backend(backend)?;
+        let device = Choice::parse(backend, adapter)?;
         let mut config = GridConfig::new(voxel_size).map_err(to_py)?;
         config.sensor_model = sensor_model.map_or(config.sensor_model, |model| model.0);
         config.max_range = max_range;
@@ -167,7 +184,7 @@ impl OccupancyGrid {
         config.max_bytes = max_bytes.map(limit).transpose()?;
         config.prior = prior;
         config.beyond_max_range = parse("beyond_max_range", beyond_max_range, &BEYOND)?;
-        pyramap::OccupancyGrid::new(config).map(|grid| Self(RwLock::new(grid))).map_err(to_py)
+        py.detach(|| device.empty(config)).map(Self::new_shared).map_err(to_py)
     }
 
     /// Reads a map that `save` wrote, with all its parameters.
@@ -175,16 +192,18 @@ impl OccupancyGrid {
     /// Args:
     ///     path: A str or a path.
     ///     backend: As for the constructor; it is not part of the file.
+    ///     adapter: As for the constructor.
     ///
     /// Raises:
     ///     OSError: If the file cannot be read (FileNotFoundError, PermissionError), is no map, is cut off or altered in
     ///         any place, or comes from a newer version; the message names the file.
     ///     ValueError: If there is no such backend.
+    ///     DeviceError: If a GPU is asked for and there is none that can be used.
     #[staticmethod]
-    #[pyo3(signature = (path, backend = "auto"))]
-    fn load(py: Python<'_>, path: PathBuf, backend: &str) -> PyResult<Self> {
-        check_backend(backend)?;
-        run(py, || pyramap::OccupancyGrid::load(path)).map(|grid| Self(RwLock::new(grid)))
+    #[pyo3(signature = (path, backend = "auto", adapter = None))]
+    fn load(py: Python<'_>, path: PathBuf, backend: &str, adapter: Option<String>) -> PyResult<Self> {
+        let device = Choice::parse(backend, adapter)?;
+        run(py, || pyramap::OccupancyGrid::load_on(path, |config| device.empty(config))).map(Self::new_shared)
     }
 
     /// Writes the map to a file: equal maps give equal bytes.
@@ -201,6 +220,10 @@ impl OccupancyGrid {
     }
 
     /// Fuses a depth image into the map: whole, or not at all.
+    ///
+    /// On a GPU this returns while the GPU works on the frame, so that the next can be read meanwhile. Whatever reads the
+    /// map waits for it. If an earlier frame cannot be fused, MapFullError or DeviceError come up in the next call; a
+    /// frame given to that call is not fused either and may be given again.
     ///
     /// A reading of 0, NaN or a negative number is no reading and says nothing; `inf` is no return: all is free up to
     /// `max_range`. A reading whose distance from the camera exceeds `max_range` means what `beyond_max_range` says.
@@ -220,6 +243,7 @@ impl OccupancyGrid {
     ///     ValueError: If the image has another shape or type, differs in size from the camera or holds no reading at
     ///         all; the pose is not finite or not rigid; or the camera lies beyond the coordinates of the map.
     ///     MapFullError: If the map would take more than `max_bytes`.
+    ///     DeviceError: If the device fails.
     #[pyo3(signature = (depth, camera, world_from_camera, depth_scale = None))]
     fn integrate(
         &self,
@@ -228,7 +252,8 @@ impl OccupancyGrid {
         world_from_camera: &Bound<'_, PyAny>,
         depth_scale: Option<f64>,
     ) -> PyResult<FrameStats> {
-        self.frame(depth, camera, world_from_camera, depth_scale, pyramap::OccupancyGrid::integrate)
+        let submitted = self.frame(depth, camera, world_from_camera, depth_scale, pyramap::OccupancyGrid::submit)?;
+        Ok(FrameStats::of_submitted(submitted, &self.0))
     }
 
     /// Takes a frame back, exactly: the map is then as if it had never been fused.
@@ -243,7 +268,8 @@ impl OccupancyGrid {
     ///     What the removal did, and the time it took.
     ///
     /// Raises:
-    ///     ValueError: As for `integrate`; and if the map has a `clamp` or is `saturated`: evidence is lost then.
+    ///     ValueError: As for `integrate`; and if the map has a `clamp`, is `saturated`, or was decayed, cleared or cropped:
+    ///         evidence is lost then.
     ///     MapFullError: As for `integrate`: what was never fused can be removed, and takes room.
     #[pyo3(signature = (depth, camera, world_from_camera, depth_scale = None))]
     fn remove(
@@ -253,7 +279,8 @@ impl OccupancyGrid {
         world_from_camera: &Bound<'_, PyAny>,
         depth_scale: Option<f64>,
     ) -> PyResult<FrameStats> {
-        self.frame(depth, camera, world_from_camera, depth_scale, pyramap::OccupancyGrid::remove)
+        let stats = self.frame(depth, camera, world_from_camera, depth_scale, pyramap::OccupancyGrid::remove)?;
+        Ok(FrameStats::known(stats))
     }
 
     /// Adds another map's evidence: the result is the map of all frames of both.
@@ -274,60 +301,14 @@ impl OccupancyGrid {
             // wait for the other.
             let (mut map, other) = if std::ptr::from_ref(map) < std::ptr::from_ref(other) {
                 let map = map.write();
-                (map, other.read())
+                (map, other.read()?)
             } else {
-                let other = other.read();
+                let other = other.read()?;
                 (map.write(), other)
             };
             let (map, other) = (&mut *map, &*other);
             pool.install(|| map.merge(other))
         })
-    }
-
-    /// Log-odds at points.
-    ///
-    /// Args:
-    ///     points: (N, 3) world coordinates, metres. A point belongs to the voxel that contains it.
-    ///
-    /// Returns:
-    ///     (N,) float32 natural log-odds, evidence plus prior; 0 where unknown.
-    ///
-    /// Raises:
-    ///     ValueError: If the shape is another, or a coordinate is not finite.
-    fn log_odds<'py>(&self, points: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyArray1<f32>>> {
-        let at = arrays::points(points)?;
-        Ok(PyArray1::from_vec(points.py(), self.ask(points.py(), |grid| grid.log_odds(&at))?))
-    }
-
-    /// Probabilities of being occupied at points (Eq. 5).
-    ///
-    /// Args:
-    ///     points: (N, 3) world coordinates, metres.
-    ///
-    /// Returns:
-    ///     (N,) float32; the prior where unknown.
-    ///
-    /// Raises:
-    ///     ValueError: As for `log_odds`.
-    fn probability<'py>(&self, points: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyArray1<f32>>> {
-        let at = arrays::points(points)?;
-        Ok(PyArray1::from_vec(points.py(), self.ask(points.py(), |grid| grid.probability(&at))?))
-    }
-
-    /// What the map knows at points.
-    ///
-    /// Args:
-    ///     points: (N, 3) world coordinates, metres.
-    ///
-    /// Returns:
-    ///     (N,) int8: -1 unknown, 0 free (seen, and log-odds of at most 0), 1 occupied.
-    ///
-    /// Raises:
-    ///     ValueError: As for `log_odds`.
-    fn state<'py>(&self, points: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyArray1<i8>>> {
-        let at = arrays::points(points)?;
-        let states = self.ask(points.py(), |grid| grid.state(&at))?;
-        Ok(PyArray1::from_iter(points.py(), states.into_iter().map(|state| state as i8)))
     }
 
     /// Coordinates of all blocks of 8 x 8 x 8 voxels that hold something, sorted by x, then y, then z.
@@ -351,8 +332,8 @@ impl OccupancyGrid {
     /// Raises:
     ///     ValueError: If shape or type are others, or a number exceeds 32 bits.
     fn block_log_odds<'py>(&self, coords: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyArray4<f32>>> {
-        let keys = arrays::block_keys(coords)?;
-        let values = self.ask(coords.py(), |grid| Ok(grid.block_log_odds(&keys)))?;
+        let keys = arrays::integers(coords, "coords")?;
+        let values = self.ask(coords.py(), |grid| grid.block_log_odds(&keys))?;
         PyArray1::from_vec(coords.py(), values).reshape([keys.len(), BLOCK_EDGE, BLOCK_EDGE, BLOCK_EDGE])
     }
 
@@ -380,98 +361,114 @@ impl OccupancyGrid {
         Mesh::new(py, mesh)
     }
 
+    /// Waits until all frames are in the map. Whatever reads the map does so itself.
+    ///
+    /// Raises:
+    ///     MapFullError: If a frame that `integrate` had taken would make the map larger than `max_bytes`; the map is as
+    ///         it was before that frame.
+    ///     DeviceError: If the device fails.
+    fn synchronize(&self, py: Python<'_>) -> PyResult<()> {
+        self.property(py, |_| ())
+    }
+
     /// Lowest and highest corner of the box around all blocks, (2, 3) float64, metres; None for an empty map.
     #[getter]
-    fn bounds<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray2<f64>>> {
-        let bounds = self.property(py, |grid| grid.bounds());
-        bounds.map(|corners| PyArray2::from_vec2(py, &corners.map(Vec::from)).expect("two rows of three"))
+    fn bounds<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray2<f64>>>> {
+        let bounds = self.property(py, |grid| grid.bounds())?;
+        Ok(bounds.map(|corners| PyArray2::from_vec2(py, &corners.map(Vec::from)).expect("two rows of three")))
     }
 
     /// Number of blocks of 8 x 8 x 8 voxels that hold something.
     #[getter]
-    fn num_blocks(&self, py: Python<'_>) -> usize {
+    fn num_blocks(&self, py: Python<'_>) -> PyResult<usize> {
         self.property(py, |grid| grid.num_blocks())
     }
 
     /// Number of voxels that are not unknown.
     #[getter]
-    fn num_observed(&self, py: Python<'_>) -> usize {
-        self.property(py, |grid| grid.num_observed())
+    fn num_observed(&self, py: Python<'_>) -> PyResult<usize> {
+        self.ask(py, |grid| grid.num_observed())
     }
 
     /// Number of frames fused less those removed, with those of merged maps.
     #[getter]
-    fn num_frames(&self, py: Python<'_>) -> i64 {
+    fn num_frames(&self, py: Python<'_>) -> PyResult<i64> {
         self.property(py, |grid| grid.num_frames())
     }
 
     /// How many additions to voxels were too large to be stored whole, beyond log-odds of 524288.
     #[getter]
-    fn saturated(&self, py: Python<'_>) -> u64 {
+    fn saturated(&self, py: Python<'_>) -> PyResult<u64> {
         self.property(py, |grid| grid.saturated())
     }
 
     /// Bytes that the map takes: its blocks and their directory. A block of one value throughout costs only its entry.
     #[getter]
-    fn nbytes(&self, py: Python<'_>) -> usize {
+    fn nbytes(&self, py: Python<'_>) -> PyResult<usize> {
         self.property(py, |grid| grid.nbytes())
     }
 
-    /// What the map runs on: "cpu".
+    /// What the map runs on: "cpu" or "gpu".
     #[getter]
     fn backend(&self, py: Python<'_>) -> String {
-        self.property(py, |grid| grid.backend().to_owned())
+        self.parameter(py, |grid| grid.backend().to_owned())
+    }
+
+    /// The name of the GPU that the map runs on; None on the CPU.
+    #[getter]
+    fn adapter(&self, py: Python<'_>) -> Option<String> {
+        self.parameter(py, |grid| grid.adapter().map(str::to_owned))
     }
 
     /// Edge of a voxel, metres.
     #[getter]
     fn voxel_size(&self, py: Python<'_>) -> f64 {
-        self.property(py, |grid| grid.config().voxel_size)
+        self.parameter(py, |grid| grid.config().voxel_size)
     }
 
     /// What a reading says.
     #[getter]
     fn sensor_model(&self, py: Python<'_>) -> SensorModel {
-        SensorModel(self.property(py, |grid| grid.config().sensor_model))
+        SensorModel(self.parameter(py, |grid| grid.config().sensor_model))
     }
 
     /// Distance from the camera up to which voxels are updated, metres.
     #[getter]
     fn max_range(&self, py: Python<'_>) -> f64 {
-        self.property(py, |grid| grid.config().max_range)
+        self.parameter(py, |grid| grid.config().max_range)
     }
 
     /// The update rule: "pyramid", "area", "min_layer" or "ideal".
     #[getter]
     fn update(&self, py: Python<'_>) -> &'static str {
-        self.property(py, |grid| word(grid.config().update, &UPDATES))
+        self.parameter(py, |grid| word(grid.config().update, &UPDATES))
     }
 
     /// Bounds of the log-odds, or None.
     #[getter]
     fn clamp(&self, py: Python<'_>) -> Option<(f64, f64)> {
-        self.property(py, |grid| grid.config().clamp)
+        self.parameter(py, |grid| grid.config().clamp)
     }
 
     /// The most that `nbytes` may come to, or None.
     #[getter]
     fn max_bytes(&self, py: Python<'_>) -> Option<usize> {
-        self.property(py, |grid| grid.config().max_bytes)
+        self.parameter(py, |grid| grid.config().max_bytes)
     }
 
     /// Probability of being occupied before anything is seen.
     #[getter]
     fn prior(&self, py: Python<'_>) -> f64 {
-        self.property(py, |grid| grid.config().prior)
+        self.parameter(py, |grid| grid.config().prior)
     }
 
     /// What a reading farther than `max_range` says: "free" or "ignore".
     #[getter]
     fn beyond_max_range(&self, py: Python<'_>) -> &'static str {
-        self.property(py, |grid| word(grid.config().beyond_max_range, &BEYOND))
+        self.parameter(py, |grid| word(grid.config().beyond_max_range, &BEYOND))
     }
 
-    fn __repr__(&self, py: Python<'_>) -> String {
+    fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
         self.property(py, |grid| {
             let (voxel_size, update) = (grid.config().voxel_size, word(grid.config().update, &UPDATES));
             let (frames, blocks) = (grid.num_frames(), grid.num_blocks());

@@ -2,9 +2,14 @@
 
 mod arrays;
 mod camera;
+mod devices;
+mod change;
 mod errors;
+mod explore;
 mod grid;
 mod mesh;
+mod queries;
+mod octomap;
 mod scenes;
 mod sensor;
 mod stages;
@@ -17,11 +22,19 @@ use pyo3::prelude::*;
 fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add("__version__", env!("CARGO_PKG_VERSION"))?;
     m.add("MapFullError", m.py().get_type::<errors::MapFullError>())?;
+    m.add("DeviceError", m.py().get_type::<errors::DeviceError>())?;
+    m.add("DeviceLostError", m.py().get_type::<errors::DeviceLostError>())?;
+    m.add("DeviceMemoryError", m.py().get_type::<errors::DeviceMemoryError>())?;
     m.add_class::<camera::PinholeCamera>()?;
     m.add_class::<sensor::SensorModel>()?;
     m.add_class::<grid::OccupancyGrid>()?;
     m.add_class::<stats::FrameStats>()?;
     m.add_class::<mesh::Mesh>()?;
+    m.add_class::<queries::RayHits>()?;
+    m.add_class::<explore::Frontiers>()?;
+    m.add_class::<explore::ViewGain>()?;
+    m.add("OCTOMAP_CLAMP", octomap::octomap_clamp())?;
+    m.add_function(wrap_pyfunction!(octomap::load_octomap, m)?)?;
     m.add_function(wrap_pyfunction!(stages::ranges, m)?)?;
     m.add_function(wrap_pyfunction!(stages::pyramid, m)?)?;
     m.add_function(wrap_pyfunction!(threads::set_num_threads, m)?)?;

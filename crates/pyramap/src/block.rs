@@ -3,6 +3,8 @@
 //! Voxel `(i, j, k)` spans `[i r, (i + 1) r)` in each axis; block `(a, b, c)` holds the voxels
 //! `8a <= i < 8a + 8`, and likewise `j`, `k`. Inside a block, `z` runs fastest.
 
+use crate::error::Result;
+
 /// Voxels along one edge of a block.
 pub const BLOCK_EDGE: usize = 8;
 /// Voxels in a block.
@@ -86,6 +88,14 @@ pub trait Blocks: Sync {
     fn keys(&self) -> Vec<BlockKey>;
     /// One block; `None` where nothing is stored.
     fn block(&self, key: BlockKey) -> Option<Block<'_>>;
+    /// Brings to the host what a device has changed since it was last read. What reads a map calls this first; without,
+    /// [`Blocks::block`] does so itself, and panics where this gives an error.
+    ///
+    /// # Errors
+    /// If the device fails, or has taken the map along.
+    fn fetch(&self) -> Result<()> {
+        Ok(())
+    }
     /// Edge of a voxel, metres.
     fn voxel_size(&self) -> f64;
     /// Log-odds of the prior (Eq. 4), to be added to the stored evidence.

@@ -1,8 +1,7 @@
 //! Stage 5, commit: the frame's increments are added to the map, all of them or, if it would grow too large, none.
 
-use crate::backend::{Addition, Backend, Base, Source};
+use crate::backend::{Addition, Backend, Base, Seen, Source};
 use crate::block::{BLOCK_VOXELS, BlockKey};
-use crate::cull::Culled;
 use crate::directory::{self, Directory, Entry};
 use crate::error::{Error, Result};
 use crate::log_odds::Limits;
@@ -19,7 +18,7 @@ pub struct Changes {
 
 impl Changes {
     /// Sorts the blocks of a frame by what happens to them.
-    pub fn sort(&mut self, culled: &Culled, changes: &[Change], free_increment: i32) {
+    pub fn sort(&mut self, Seen { culled, changes, .. }: &Seen, free_increment: i32) {
         self.uniform.clear();
         self.dense.clear();
         self.uniform.extend(culled.free.iter().map(|&key| (key, free_increment)));
@@ -33,12 +32,25 @@ impl Changes {
     }
 }
 
+/// Stands for the slot of a block that has none yet.
+const NO_SLOT: u32 = u32::MAX;
+
 /// What a commit keeps from frame to frame, so that it need not be allocated again.
 #[derive(Debug, Default)]
 pub struct CommitBuffers {
     additions: Vec<Addition>,
     /// The blocks added to.
     keys: Vec<BlockKey>,
+}
+
+impl CommitBuffers {
+    /// Takes blocks that a commit left with one value out of the pool: free space costs an entry, not a block.
+    pub fn collapse(&self, uniform: &[(usize, i32)], directory: &mut Directory, backend: &mut dyn Backend) {
+        for &(n, value) in uniform {
+            backend.release(self.additions[n].slot);
+            set_uniform(directory, self.keys[n], value);
+        }
+    }
 }
 
 /// An addition to a map.
@@ -56,21 +68,38 @@ pub struct Commit<'a> {
 }
 
 impl Commit<'_> {
-    /// Adds everything; returns how many voxels `i32` was too small for.
+    /// Has everything added; returns how many voxels of uniform blocks `i32` was too small for. What comes of the others
+    /// the backend tells when it is done.
     ///
     /// # Errors
-    /// [`Error::MapFull`] if the map would take more than `max_bytes`; nothing is added then.
+    /// [`Error::MapFull`] if the map would take more than `max_bytes`, or [`Error::Device`]; nothing is added then.
     pub fn apply(self, backend: &mut dyn Backend, max_bytes: Option<usize>) -> Result<u64> {
         self.check_budget(backend, max_bytes)?;
         let Self { changes: Changes { uniform, dense }, sign, limits, directory, buffers } = self;
         let CommitBuffers { additions, keys } = buffers;
         additions.clear();
         keys.clear();
+        let mut new = 0;
+        for &(key, n) in dense {
+            let (slot, base) = match directory.get(&key) {
+                Some(&Entry::Dense(slot)) => (slot, None),
+                Some(&Entry::Uniform(value)) => (NO_SLOT, Some(value)),
+                None => (NO_SLOT, Some(0)),
+            };
+            new += usize::from(base.is_some());
+            additions.push(Addition { slot, base, source: Source::Mixed(n) });
+            keys.push(key);
+        }
+        backend.reserve(new)?;
+        for (addition, &key) in additions.iter_mut().zip(&*keys).filter(|(addition, _)| addition.base.is_some()) {
+            addition.slot = backend.allocate();
+            directory.insert(key, Entry::Dense(addition.slot));
+        }
         let mut lost = 0;
         for &(key, increment) in uniform {
             let value = match directory.get(&key) {
                 Some(&Entry::Dense(slot)) => {
-                    additions.push(Addition { slot, source: Source::Uniform(increment) });
+                    additions.push(Addition { slot, base: None, source: Source::Uniform(increment) });
                     keys.push(key);
                     continue;
                 }
@@ -81,22 +110,8 @@ impl Commit<'_> {
             lost += if overflow { BLOCK_VOXELS as u64 } else { 0 };
             set_uniform(directory, key, sum);
         }
-        for &(key, n) in dense {
-            let slot = match directory.get(&key) {
-                Some(&Entry::Dense(slot)) => slot,
-                Some(&Entry::Uniform(value)) => backend.allocate(value),
-                None => backend.allocate(0),
-            };
-            directory.insert(key, Entry::Dense(slot));
-            additions.push(Addition { slot, source: Source::Mixed(n) });
-            keys.push(key);
-        }
-        let committed = backend.commit(additions, sign, limits);
-        for (n, value) in committed.uniform {
-            backend.release(additions[n].slot);
-            set_uniform(directory, keys[n], value);
-        }
-        Ok(lost + committed.lost)
+        backend.commit(additions, sign, limits)?;
+        Ok(lost)
     }
 
     fn check_budget(&self, backend: &dyn Backend, max_bytes: Option<usize>) -> Result<()> {

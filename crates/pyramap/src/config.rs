@@ -5,7 +5,7 @@ use crate::error::{Error, Result};
 use crate::log_odds::{self, Limits, UNIT};
 use crate::ranges::BeyondMaxRange;
 use crate::sensor::SensorModel;
-use crate::update::UpdateRule;
+use crate::update::{UpdateRule, rays};
 use serde::{Deserialize, Serialize};
 
 /// The parameters of a map. Start from [`GridConfig::new`] and change what you need.
@@ -58,7 +58,11 @@ impl GridConfig {
     /// The most voxels along the range of a map: more makes a single frame larger than memory.
     pub const MAX_VOXELS_IN_RANGE: f64 = 4096.0;
 
-    pub(crate) fn validate(&self) -> Result<()> {
+    /// Checks the parameters.
+    ///
+    /// # Errors
+    /// [`Error::Parameter`] naming the first that is out of its range.
+    pub fn validate(&self) -> Result<()> {
         let Self { voxel_size, max_range, prior, .. } = *self;
         check("voxel_size", voxel_size, voxel_size > 0.0 && voxel_size.is_finite(), "a positive number of metres")?;
         check("max_range", max_range, max_range > 0.0 && max_range.is_finite(), "a positive number of metres")?;
@@ -102,9 +106,13 @@ impl GridConfig {
     }
 
     /// How far from the origin, metres, a camera may be: all that it sees then has block coordinates within
-    /// [`MAX_BLOCK`], with a block or two to spare.
+    /// [`MAX_BLOCK`], with a block or two to spare, or lies where OctoMap could see it too.
     pub(crate) fn coordinate_limit(&self) -> f64 {
-        self.voxel_size * (f64::from(MAX_BLOCK - 2) * BLOCK_EDGE as f64) - self.max_range
+        let voxels = match self.update {
+            UpdateRule::Rays => f64::from(rays::REACH),
+            _ => f64::from(MAX_BLOCK - 2) * BLOCK_EDGE as f64,
+        };
+        self.voxel_size * voxels - self.max_range
     }
 }
 

@@ -1,10 +1,10 @@
 //! The CPU backend: every stage on rayon's threads, and the pool.
 
-use crate::backend::{Addition, Backend, Base, Committed, Source};
-use crate::block::{BLOCK_VOXELS, Block, BlockData, BlockKey};
+use crate::backend::{Addition, Backend, Base, Committed, Seen, Source};
+use crate::block::{BLOCK_VOXELS, Block, BlockData};
 use crate::camera::PinholeCamera;
 use crate::config::GridConfig;
-use crate::cull::{CullBuffers, Culled, Scope, cull};
+use crate::cull::{CullBuffers, Scope, cull};
 use crate::depth::DepthImage;
 use crate::error::Result;
 use crate::log_odds::Limits;
@@ -13,27 +13,28 @@ use crate::pose::Pose;
 use crate::pyramid::Pyramid;
 use crate::ranges::Ranges;
 use crate::sensor::SensorTable;
+use crate::stats::{StageSeconds, Stopwatch};
 use crate::surfaces::SurfaceLayer;
 use crate::update::area::Area;
 use crate::update::ideal::Ideal;
 use crate::update::min_layer::MinLayer;
 use crate::update::pyramid::Pyramid as PyramidRule;
-use crate::update::{Change, UpdateRule, update};
+use crate::update::rays::Scan;
+use crate::update::{UpdateRule, update};
 use crate::view::View;
-use std::mem::take;
+use std::mem::swap;
 
 /// Buffers of the stages, kept from frame to frame, and the pool.
 pub struct CpuBackend {
     table: SensorTable,
     ranges: Ranges,
-    camera: Option<PinholeCamera>,
     pyramid: Pyramid,
     surfaces: Vec<SurfaceLayer>,
-    view: Option<View>,
     cull_buffers: CullBuffers,
     increments: Vec<BlockData>,
-    changes: Vec<Change>,
+    seen: Seen,
     pool: Pool,
+    committed: Committed,
 }
 
 impl CpuBackend {
@@ -42,19 +43,14 @@ impl CpuBackend {
         Self {
             table: SensorTable::new(&config.sensor_model),
             ranges: Ranges::default(),
-            camera: None,
             pyramid: Pyramid::default(),
             surfaces: Vec::new(),
-            view: None,
             cull_buffers: CullBuffers::default(),
             increments: Vec::new(),
-            changes: Vec::new(),
+            seen: Seen::default(),
             pool: Pool::default(),
+            committed: Committed::default(),
         }
-    }
-
-    fn frame(&self) -> (&View, &[SurfaceLayer]) {
-        (self.view.as_ref().expect("the pyramid stage comes first"), &self.surfaces)
     }
 }
 
@@ -68,57 +64,115 @@ macro_rules! with_rule {
             UpdateRule::MinLayer => (|$rule: &MinLayer| $body)(&MinLayer { t_0, count }),
             UpdateRule::Area => (|$rule: &Area| $body)(&Area::new($view)),
             UpdateRule::Ideal => (|$rule: &Ideal| $body)(&Ideal::new($view)),
+            UpdateRule::Rays => unreachable!("a rule that asks no voxels"),
         }
     }};
 }
 
-impl Backend for CpuBackend {
-    fn name(&self) -> &'static str {
-        "cpu"
-    }
-
+impl CpuBackend {
     fn ranges(&mut self, config: &GridConfig, image: &DepthImage, camera: &PinholeCamera) -> Result<()> {
-        self.ranges.compute(image, camera, config.max_range, config.beyond_max_range)?;
-        self.camera = Some(*camera);
-        Ok(())
+        self.ranges.compute(image, camera, config.max_range, config.beyond_max_range)
     }
 
-    fn pyramid(&mut self, config: &GridConfig, pose: &Pose) {
-        let camera = self.camera.as_ref().expect("the ranges stage comes first");
-        let view = View::new(camera, pose, config.voxel_size, config.max_range);
-        let count = crate::pyramid::num_layers(camera.width, camera.height);
-        let wanted = config.update.layers(&view, count);
+    /// The layers (Eq. 10), as the sensor model sees them.
+    fn pyramid(&mut self, config: &GridConfig, view: &View) {
+        let count = crate::pyramid::num_layers(self.ranges.width, self.ranges.height);
+        let wanted = config.update.layers(view, count);
         self.pyramid.compute(&self.ranges, view.t_0, config.update.selection(), wanted.clone());
         self.surfaces.resize_with(count, SurfaceLayer::default);
         for i in wanted {
             let (layer, finest) = (&self.pyramid.layers[i], config.update.finest_bounds());
             self.surfaces[i].compute(layer, &config.sensor_model, &self.table, finest);
         }
-        self.view = Some(view);
     }
 
-    fn cull(&mut self, config: &GridConfig, culled: &mut Culled) {
-        let mut buffers = take(&mut self.cull_buffers);
-        let (view, layers) = self.frame();
+    /// The blocks that the frame changes.
+    fn cull(&mut self, config: &GridConfig, view: &View) {
+        let (layers, culled) = (&self.surfaces[..], &mut self.seen.culled);
         with_rule!(config.update, view, layers.len(), |rule| {
-            cull(&Scope { view, layers, rule, enabled: config.cull }, &mut buffers, culled)
+            cull(&Scope { view, layers, rule, enabled: config.cull }, &mut self.cull_buffers, culled)
         });
-        self.cull_buffers = buffers;
     }
 
-    fn update(&mut self, config: &GridConfig, mixed: &[BlockKey]) -> &[Change] {
-        let (mut increments, mut changes) = (take(&mut self.increments), take(&mut self.changes));
-        let (view, layers) = self.frame();
+    /// What the frame does to each mixed block (Alg. 1).
+    fn update(&mut self, config: &GridConfig, view: &View) {
+        let (layers, Seen { culled, changes, .. }) = (&self.surfaces[..], &mut self.seen);
         with_rule!(config.update, view, layers.len(), |rule| {
             let scope = Scope { view, layers, rule, enabled: config.cull };
-            update(&scope, &self.table, mixed, &mut increments, &mut changes)
+            update(&scope, &self.table, &culled.mixed, &mut self.increments, changes)
         });
-        (self.increments, self.changes) = (increments, changes);
-        &self.changes
     }
 
-    fn commit(&mut self, additions: &[Addition], sign: i32, limits: Limits) -> Committed {
-        self.pool.add(additions, &self.increments, sign, limits)
+    /// What the rays of a scan do to the blocks that they pass.
+    fn update_along(&mut self, config: &GridConfig, scan: &Scan) {
+        let Seen { culled, changes, .. } = &mut self.seen;
+        culled.free.clear();
+        scan.update(config.voxel_size, &mut culled.mixed, &mut self.increments, changes);
+    }
+}
+
+impl Backend for CpuBackend {
+    fn name(&self) -> &str {
+        "cpu"
+    }
+
+    fn adapter(&self) -> Option<&str> {
+        None
+    }
+
+    fn pipelined(&self) -> bool {
+        false
+    }
+
+    /// The stages of a frame (Alg. 1).
+    fn see(&mut self, config: &GridConfig, image: &DepthImage, camera: &PinholeCamera, pose: &Pose) -> Result<()> {
+        let mut watch = Stopwatch::start();
+        self.seen.seconds = StageSeconds::default();
+        let view = View::new(camera, pose, config.voxel_size, config.max_range);
+
+        self.ranges(config, image, camera)?;
+        self.seen.seconds.ranges = watch.lap();
+
+        if config.update == UpdateRule::Rays {
+            self.update_along(config, &Scan::of_image(&self.ranges, camera, pose, config.max_range));
+            self.seen.seconds.update = watch.lap();
+            return Ok(());
+        }
+
+        self.pyramid(config, &view);
+        self.seen.seconds.pyramid = watch.lap();
+
+        self.cull(config, &view);
+        self.seen.seconds.cull = watch.lap();
+
+        self.update(config, &view);
+        self.seen.seconds.update = watch.lap();
+        Ok(())
+    }
+
+    fn see_points(&mut self, config: &GridConfig, points: &[[f64; 3]], pose: &Pose) -> Result<()> {
+        let mut watch = Stopwatch::start();
+        self.seen.seconds = StageSeconds::default();
+        self.update_along(config, &Scan::of_points(points, pose, config)?);
+        self.seen.seconds.update = watch.lap();
+        Ok(())
+    }
+
+    fn seen(&mut self, _: &GridConfig, seen: &mut Seen) -> Result<()> {
+        swap(&mut self.seen, seen);
+        Ok(())
+    }
+
+    fn forget(&mut self) {}
+
+    fn commit(&mut self, additions: &[Addition], sign: i32, limits: Limits) -> Result<()> {
+        self.pool.add(additions, &self.increments, sign, limits, &mut self.committed);
+        Ok(())
+    }
+
+    fn committed(&mut self, committed: &mut Committed) -> Result<()> {
+        swap(&mut self.committed, committed);
+        Ok(())
     }
 
     fn pool_bytes(&self) -> usize {
@@ -152,12 +206,20 @@ impl Backend for CpuBackend {
         self.pool.growth_to(slot, values)
     }
 
-    fn allocate(&mut self, value: i32) -> u32 {
-        self.pool.allocate(value)
+    fn reserve(&mut self, _: usize) -> Result<()> {
+        Ok(())
+    }
+
+    fn allocate(&mut self) -> u32 {
+        self.pool.allocate()
     }
 
     fn release(&mut self, slot: u32) {
         self.pool.release(slot);
+    }
+
+    fn fetch(&self) -> Result<()> {
+        Ok(())
     }
 
     fn read(&self, slot: u32) -> Block<'_> {

@@ -59,11 +59,11 @@ pub struct LayersRead {
 }
 
 /// More layers than this are not worth a look: the cube is large or very near, and is split anyway.
-const MAX_LAYERS: usize = 4;
+pub const MAX_LAYERS: usize = 4;
 /// Slack on distances, relative: some ten roundings of `f32`, well above what the voxels' own arithmetic errs by.
-const DISTANCE_SLACK: f32 = 2e-6;
+pub const DISTANCE_SLACK: f32 = 2e-6;
 /// Slack on pixel coordinates: roundings at coordinates of up to some thousand pixels.
-const PIXEL_SLACK: f32 = 1e-2;
+pub const PIXEL_SLACK: f32 = 1e-2;
 
 /// The eighths of a cube: where they lie, and how far each reaches. The same serve all cubes of one size.
 #[derive(Clone, Debug)]
@@ -71,15 +71,15 @@ pub struct Eighths {
     /// Their centres relative to the cube's, in the camera's frame.
     pub offsets: Points,
     /// The world's axes in the camera's frame, along which the cubes lie.
-    axes: [[f32; 3]; 3],
+    pub axes: [[f32; 3]; 3],
     /// Half the edge of the cube that holds an eighth's voxel centres, metres.
-    voxels: f32,
+    pub voxels: f32,
     /// Half the edge of the cube that holds all that is projected for its voxels, metres.
-    projected: f32,
+    pub projected: f32,
     /// Half the depth of that cube, along the camera's z, metres.
-    depth: f32,
+    pub depth: f32,
     /// Half its extent across each of the frustum's sides, in the units of [`View::sides`].
-    across_sides: [f32; 4],
+    pub across_sides: [f32; 4],
 }
 
 /// Which half of a cube an eighth lies in along an axis: 0 or 1. Along z neighbours follow each other.
@@ -302,7 +302,7 @@ fn blocks_of([x, y, z]: BlockKey, edge: i32) -> impl Iterator<Item = BlockKey> {
 }
 
 /// First and last block, along each axis, that the view can reach: the box around the camera and its range's end.
-fn frustum_blocks(view: &View) -> (BlockKey, BlockKey) {
+pub fn frustum_blocks(view: &View) -> (BlockKey, BlockKey) {
     let mut low = view.pose.translation;
     let mut high = low;
     let range = f64::from(view.max_range);

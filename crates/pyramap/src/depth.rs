@@ -57,4 +57,31 @@ impl<'a> DepthImage<'a> {
         }
         Ok(Self { depth, width, height })
     }
+
+    /// The pixels.
+    pub fn depth(&self) -> Depth<'a> {
+        self.depth
+    }
+
+    /// Columns.
+    pub fn width(&self) -> usize {
+        self.width
+    }
+
+    /// Rows.
+    pub fn height(&self) -> usize {
+        self.height
+    }
+}
+
+impl Depth<'_> {
+    /// The depth of a pixel, metres.
+    #[inline]
+    pub(crate) fn metres(&self, pixel: usize) -> f32 {
+        match *self {
+            Depth::F32(values) => values[pixel],
+            Depth::F64(values) => values[pixel] as f32,
+            Depth::U16 { values, scale } => f32::from(values[pixel]) / scale as f32,
+        }
+    }
 }

@@ -79,6 +79,14 @@ pub enum Error {
         /// Why not.
         reason: String,
     },
+    /// A graphics card, or what stands between it and us.
+    #[error("{reason}")]
+    Device {
+        /// What kind of fault it is.
+        fault: DeviceFault,
+        /// What was found, and what became of the map.
+        reason: String,
+    },
     /// A file that is not a map, or not a whole one.
     #[error("{}: {reason}", path.display())]
     File {
@@ -95,4 +103,19 @@ pub enum Error {
         /// The system's word.
         source: std::io::Error,
     },
+}
+
+/// What can go wrong with a device, and what is left of a map on it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum DeviceFault {
+    /// There is no such device, or none that can be used.
+    NotFound,
+    /// The device went away or hangs, and took along what was not read from it before.
+    Lost,
+    /// The device has no more memory. The map is as it was.
+    OutOfMemory,
+    /// The process was forked after the device was opened; devices do not survive that.
+    Forked,
+    /// The driver refused what it was given: a defect of ours or of the driver. The map is as it was.
+    Internal,
 }

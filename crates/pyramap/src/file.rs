@@ -3,27 +3,29 @@
 //! ```text
 //! magic "PYRAMAP\0", version u32
 //! section*: tag [u8; 4], length u64, CRC-32 u32 of tag, length and payload, payload
-//!   "HEAD"  parameters and counts (postcard)
+//!   "HEAD"  parameters, counts and history (postcard): all that differs from version to version
 //!   "BLKS"  up to 4096 blocks, sorted by coordinates (postcard, zstd)
 //!   "DONE"  empty: the file is whole
 //! ```
 //!
 //! Numbers are little-endian. Blocks whose voxels are equal are written as one number and unknown ones not at all, so
-//! equal maps give equal bytes whatever way they came about. Nothing that the file says of its own size is trusted:
+//! equal maps of equal history give equal bytes in whatever order they came about. Nothing that the file says of its own size is trusted:
 //! memory is taken for what was read, and a block section cannot unpack to more than its 4096 blocks can hold.
 
 use crate::block::{BLOCK_VOXELS, Block, BlockKey, Blocks, MAX_BLOCK};
 use crate::config::GridConfig;
 use crate::error::{Error, Result};
 use crate::grid::OccupancyGrid;
+use head::{Head, VERSION};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::fs::File;
 use std::io::{Read, Write};
 use std::path::Path;
 
+mod head;
+
 const MAGIC: [u8; 8] = *b"PYRAMAP\0";
-const VERSION: u32 = 1;
 const HEAD: [u8; 4] = *b"HEAD";
 const BLOCKS: [u8; 4] = *b"BLKS";
 const DONE: [u8; 4] = *b"DONE";
@@ -31,14 +33,6 @@ const BLOCKS_IN_SECTION: usize = 4096;
 /// A record's key takes at most 15 bytes, its values 5 each, their count and kind a few.
 const MAX_SECTION_BYTES: usize = BLOCKS_IN_SECTION * (5 * BLOCK_VOXELS + 32);
 const COMPRESSION_LEVEL: i32 = 3;
-
-#[derive(Serialize, Deserialize)]
-struct Head {
-    config: GridConfig,
-    num_frames: i64,
-    saturated: u64,
-    num_blocks: u64,
-}
 
 #[derive(Serialize, Deserialize)]
 struct Record {
@@ -60,21 +54,32 @@ impl OccupancyGrid {
     /// [`Error::Io`] if the file cannot be written.
     pub fn save(&self, path: impl AsRef<Path>) -> Result<()> {
         let path = path.as_ref();
+        self.fetch()?;
         let bytes = self.to_bytes();
         write_whole(path, &bytes).map_err(|source| Error::Io { path: path.into(), source })
     }
 
-    /// Reads a map that [`OccupancyGrid::save`] wrote.
+    /// Reads a map that [`OccupancyGrid::save`] wrote, to go on with it on the CPU.
     ///
     /// # Errors
     /// [`Error::Io`] if the file cannot be read; [`Error::File`] if it is no map, is cut off or altered, or comes from
     /// a newer version.
     pub fn load(path: impl AsRef<Path>) -> Result<Self> {
+        Self::load_on(path, Self::new)
+    }
+
+    /// Reads a map into an empty one that is made for its parameters, on a device of your choice
+    /// ([`OccupancyGrid::with_backend`]).
+    ///
+    /// # Errors
+    /// As [`OccupancyGrid::load`]; and what `empty` fails with.
+    pub fn load_on(path: impl AsRef<Path>, empty: impl FnOnce(GridConfig) -> Result<Self>) -> Result<Self> {
         let path = path.as_ref();
         let bytes = std::fs::read(path).map_err(|source| Error::Io { path: path.into(), source })?;
-        Self::from_bytes(&bytes).map_err(|error| match error {
+        Self::from_bytes(&bytes, empty).map_err(|error| match error {
             Damage::Reason(reason) => Error::File { path: path.into(), reason },
             Damage::Parameter(error) => Error::File { path: path.into(), reason: format!("bad parameters: {error}") },
+            Damage::Other(error) => error,
         })
     }
 
@@ -86,6 +91,7 @@ impl OccupancyGrid {
             num_frames: self.num_frames(),
             saturated: self.saturated(),
             num_blocks: records.len() as u64,
+            history: self.history(),
         };
         let sections: Vec<Vec<u8>> = records
             .par_chunks(BLOCKS_IN_SECTION)
@@ -112,21 +118,25 @@ impl OccupancyGrid {
         Some(Record { key, content })
     }
 
-    fn from_bytes(bytes: &[u8]) -> std::result::Result<Self, Damage> {
+    fn from_bytes(
+        bytes: &[u8],
+        empty: impl FnOnce(GridConfig) -> Result<Self>,
+    ) -> std::result::Result<Self, Damage> {
         let mut rest = bytes;
         if take(&mut rest, MAGIC.len()) != Some(&MAGIC) {
             return damage("not a pyramap map (the first bytes are others)");
         }
-        match take(&mut rest, 4).map(|v| u32::from_le_bytes(v.try_into().expect("four bytes"))) {
-            Some(VERSION) => {}
-            Some(version) => return damage(format!("format version {version}, this program reads {VERSION}")),
+        let version = match take(&mut rest, 4).map(|v| u32::from_le_bytes(v.try_into().expect("four bytes"))) {
+            Some(version @ 1..=VERSION) => version,
+            Some(version) => return damage(format!("format version {version}, this program reads 1 to {VERSION}")),
             None => return damage("cut off in its first bytes"),
-        }
+        };
         let (tag, payload) = take_section(&mut rest)?;
         if tag != HEAD {
             return damage("the parameters are missing");
         }
-        let head: Head = postcard::from_bytes(payload).or_else(|e| damage(format!("unreadable parameters: {e}")))?;
+        let head = Head::read(version, payload)?;
+        head.history.validate().map_err(Damage::Parameter)?;
         let mut sections = Vec::new();
         loop {
             match take_section(&mut rest)? {
@@ -145,10 +155,11 @@ impl OccupancyGrid {
         if !records.is_sorted_by(|a, b| a.key < b.key) {
             return damage("blocks are not in order");
         }
-        let mut grid = Self::new(head.config).map_err(Damage::Parameter)?;
+        head.config.validate().map_err(Damage::Parameter)?;
+        let mut grid = empty(head.config).map_err(Damage::Other)?;
         let blocks = records.iter().map(|record| Ok((record.key, record.block()?)));
         let blocks: Vec<_> = blocks.collect::<std::result::Result<_, _>>()?;
-        grid.restore(blocks.into_iter(), head.num_frames, head.saturated);
+        grid.restore(blocks.into_iter(), head.num_frames, head.saturated, head.history).map_err(Damage::Other)?;
         Ok(grid)
     }
 }
@@ -157,6 +168,8 @@ impl OccupancyGrid {
 enum Damage {
     Reason(String),
     Parameter(Error),
+    /// What is wrong is not the file.
+    Other(Error),
 }
 
 fn damage<T>(reason: impl Into<String>) -> std::result::Result<T, Damage> {
@@ -227,7 +240,8 @@ fn take<'a>(rest: &mut &'a [u8], count: usize) -> Option<&'a [u8]> {
     Some(taken)
 }
 
-fn write_whole(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
+/// Writes a file beside its place first, so that the path holds all of it or what was there.
+pub(crate) fn write_whole(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let mut file = tempfile::NamedTempFile::new_in(folder)?;
     file.write_all(bytes)?;

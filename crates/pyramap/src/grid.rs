@@ -1,20 +1,24 @@
 //! The occupancy grid: the map, and the stages of a frame in their order.
 
-use crate::backend::Backend;
+use crate::backend::{Backend, Committed, Seen};
 use crate::block::{BLOCK_EDGE, BLOCK_VOXELS, Block, BlockData, BlockKey, Blocks};
 use crate::camera::PinholeCamera;
 use crate::commit::{Changes, Commit, CommitBuffers, budget, set_uniform};
 use crate::config::GridConfig;
 use crate::cpu::CpuBackend;
-use crate::cull::Culled;
 use crate::depth::DepthImage;
 use crate::directory::{self, Directory, Entry};
 use crate::error::{Error, Result};
+use crate::history::History;
 use crate::log_odds;
 use crate::pose::Pose;
+use crate::ranges;
 use crate::sensor::SensorTable;
-use crate::stats::{FrameStats, Stopwatch};
+use crate::stats::{FrameStats, Stopwatch, Submitted};
 use crate::update::free_increment;
+
+pub mod change;
+mod points;
 
 /// A sparse map of log-odds: free, occupied and unknown space.
 ///
@@ -37,15 +41,31 @@ pub struct OccupancyGrid {
     free_increment: i32,
     num_frames: i64,
     saturated: u64,
+    history: History,
+    /// The frame that the device works on.
+    begun: Option<Frame>,
+    /// The frame that is being added.
+    committing: Option<Frame>,
     buffers: Buffers,
+}
+
+/// A frame on its way into the map.
+struct Frame {
+    /// `1` to add, `-1` to take back.
+    sign: i32,
+    /// What is known of it so far.
+    stats: FrameStats,
+    /// Who waits for it.
+    submitted: Option<Submitted>,
 }
 
 /// What a frame's stages hand on to each other, kept from frame to frame.
 #[derive(Default)]
 struct Buffers {
-    culled: Culled,
+    seen: Seen,
     changes: Changes,
     commit: CommitBuffers,
+    committed: Committed,
 }
 
 impl OccupancyGrid {
@@ -72,6 +92,9 @@ impl OccupancyGrid {
             free_increment,
             num_frames: 0,
             saturated: 0,
+            history: History::default(),
+            begun: None,
+            committing: None,
             buffers: Buffers::default(),
         })
     }
@@ -79,57 +102,122 @@ impl OccupancyGrid {
     /// Fuses a depth image taken at a pose (`world_from_camera`): whole, or not at all.
     ///
     /// # Errors
-    /// If image and camera differ in size, no pixel says anything, the pose is out of bounds, or the map is full.
+    /// If image and camera differ in size, no pixel says anything, the pose is out of bounds, the map is full, or the
+    /// device fails.
     pub fn integrate(&mut self, image: &DepthImage, camera: &PinholeCamera, pose: &Pose) -> Result<FrameStats> {
+        self.synchronize()?;
         self.fuse(image, camera, pose, 1)
     }
 
     /// Takes a frame back, exactly: the map is then as if it had never been fused.
     ///
     /// # Errors
-    /// As [`OccupancyGrid::integrate`]; and [`Error::Unsupported`] if the map is clamped or saturated, since evidence
-    /// was lost then.
+    /// As [`OccupancyGrid::integrate`]; and [`Error::Unsupported`] if the map is clamped or saturated, or was
+    /// decayed, cleared or cropped, since evidence was lost then.
     pub fn remove(&mut self, image: &DepthImage, camera: &PinholeCamera, pose: &Pose) -> Result<FrameStats> {
-        let refuse = |reason| Err(Error::Unsupported { operation: "remove", reason });
-        if let Some((low, high)) = self.config.clamp {
-            return refuse(format!("the map is clamped to ({low}, {high}), which forgets evidence"));
-        }
-        if self.saturated > 0 {
-            return refuse(format!("{} additions to voxels were too large to be stored whole", self.saturated));
-        }
+        self.synchronize()?;
+        self.check_exact("remove")?;
         self.fuse(image, camera, pose, -1)
     }
 
-    /// The stages of a frame (Alg. 1). All that can fail comes before anything is added.
-    fn fuse(&mut self, image: &DepthImage, camera: &PinholeCamera, pose: &Pose, sign: i32) -> Result<FrameStats> {
+    /// Refuses what is only right as long as the map holds all evidence of its frames.
+    fn check_exact(&self, operation: &'static str) -> Result<()> {
+        let loss = match self.config.clamp {
+            Some((low, high)) => Some(format!("the map is clamped to ({low}, {high}), which forgets evidence")),
+            None if self.saturated > 0 => {
+                Some(format!("{} additions to voxels were too large to be stored whole", self.saturated))
+            }
+            None => self.history.loss(),
+        };
+        loss.map_or(Ok(()), |reason| Err(Error::Unsupported { operation, reason }))
+    }
+
+    /// As [`OccupancyGrid::integrate`], but a device need not be done with the frame when this returns: it works on while
+    /// the next frame is read and sent. What is read from the map holds all frames submitted only after
+    /// [`OccupancyGrid::synchronize`]. On the CPU the frame is fused at once.
+    ///
+    /// # Errors
+    /// As [`OccupancyGrid::integrate`]. If it is an earlier frame that could not be fused, this one is not fused either,
+    /// and may be submitted again.
+    pub fn submit(&mut self, image: &DepthImage, camera: &PinholeCamera, pose: &Pose) -> Result<Submitted> {
+        let mut frame = self.begin(image, camera, pose, 1)?;
+        let submitted = Submitted::default();
+        frame.submitted = Some(submitted.clone());
+        if !self.backend.pipelined() {
+            self.finish(frame)?;
+        } else if let Some(before) = self.begun.replace(frame) {
+            self.commit(before).inspect_err(|_| {
+                self.backend.forget();
+                self.begun = None;
+            })?;
+        }
+        Ok(submitted)
+    }
+
+    /// Waits for all frames that were submitted. Only then are they in what is read from the map.
+    ///
+    /// # Errors
+    /// If the map is full or the device failed: the frame submitted last is not fused then.
+    pub fn synchronize(&mut self) -> Result<()> {
+        if let Some(frame) = self.begun.take() {
+            self.commit(frame)?;
+        }
+        self.settle().map(|_| ())
+    }
+
+    /// Whether all frames that were submitted are in the map.
+    pub fn is_synchronized(&self) -> bool {
+        self.begun.is_none() && self.committing.is_none()
+    }
+
+    /// The first half of a frame: the stages that change nothing.
+    fn begin(&mut self, image: &DepthImage, camera: &PinholeCamera, pose: &Pose, sign: i32) -> Result<Frame> {
         self.check_position(pose)?;
+        ranges::check(image, camera, self.config.max_range, self.config.beyond_max_range)?;
+        self.backend.see(&self.config, image, camera, pose)?;
+        Ok(Frame { sign, stats: FrameStats::default(), submitted: None })
+    }
+
+    fn fuse(&mut self, image: &DepthImage, camera: &PinholeCamera, pose: &Pose, sign: i32) -> Result<FrameStats> {
+        let frame = self.begin(image, camera, pose, sign)?;
+        self.finish(frame)
+    }
+
+    fn finish(&mut self, frame: Frame) -> Result<FrameStats> {
+        self.commit(frame)?;
+        Ok(self.settle()?.expect("a frame has just been committed"))
+    }
+
+    /// The second half: what the frame begun first does to blocks is added to the map, all of it or nothing.
+    fn commit(&mut self, mut frame: Frame) -> Result<()> {
+        self.settle()?;
+        let Buffers { seen, changes, commit: buffers, .. } = &mut self.buffers;
+        self.backend.seen(&self.config, seen)?;
+        frame.stats = FrameStats::count(seen);
+
         let mut watch = Stopwatch::start();
-        let (config, backend) = (&self.config, self.backend.as_mut());
+        changes.sort(seen, self.free_increment);
+        let (limits, directory) = (self.config.limits(), &mut self.directory);
+        let commit = Commit { changes, sign: frame.sign, limits, directory, buffers };
+        frame.stats.saturated = commit.apply(self.backend.as_mut(), self.config.max_bytes)?;
+        frame.stats.seconds.commit = watch.lap();
+        self.committing = Some(frame);
+        Ok(())
+    }
 
-        backend.ranges(config, image, camera)?;
-        watch.lap(|seconds| &mut seconds.ranges);
-
-        backend.pyramid(config, pose);
-        watch.lap(|seconds| &mut seconds.pyramid);
-
-        let Buffers { culled, changes: sorted, commit: buffers } = &mut self.buffers;
-        backend.cull(config, culled);
-        watch.lap(|seconds| &mut seconds.cull);
-
-        let changes = backend.update(config, &culled.mixed);
-        let mut stats = FrameStats::count(culled, changes);
-        sorted.sort(culled, changes, self.free_increment);
-        watch.lap(|seconds| &mut seconds.update);
-
-        let (limits, directory) = (config.limits(), &mut self.directory);
-        let commit = Commit { changes: sorted, sign, limits, directory, buffers };
-        stats.saturated = commit.apply(backend, config.max_bytes)?;
-        watch.lap(|seconds| &mut seconds.commit);
-
-        stats.seconds = watch.seconds();
+    /// Takes in what came of the last commit, if there is one.
+    fn settle(&mut self) -> Result<Option<FrameStats>> {
+        let Some(Frame { sign, mut stats, submitted }) = self.committing.take() else { return Ok(None) };
+        let Buffers { commit: buffers, committed, .. } = &mut self.buffers;
+        self.backend.committed(committed)?;
+        let mut watch = Stopwatch::start();
+        buffers.collapse(&committed.uniform, &mut self.directory, self.backend.as_mut());
+        stats.saturated += committed.lost;
+        stats.seconds.commit += committed.seconds + watch.lap();
         self.saturated = self.saturated.saturating_add(stats.saturated);
         self.num_frames = self.num_frames.saturating_add(i64::from(sign));
-        Ok(stats)
+        submitted.inspect(|submitted| submitted.settle(stats));
+        Ok(Some(stats))
     }
 
     fn check_position(&self, pose: &Pose) -> Result<()> {
@@ -143,7 +231,8 @@ impl OccupancyGrid {
     /// Adds another map's evidence to this one: the result is that of all frames of both.
     ///
     /// # Errors
-    /// [`Error::Unsupported`] if voxel size, prior or clamp differ; [`Error::MapFull`].
+    /// [`Error::Unsupported`] if voxel size, prior or clamp differ, or the other map has frames under way;
+    /// [`Error::MapFull`]; [`Error::Device`].
     pub fn merge(&mut self, other: &OccupancyGrid) -> Result<()> {
         let refuse = |what: &str, mine: String, theirs: String| {
             let reason = format!("{what} differs: {mine} here, {theirs} in the other map");
@@ -159,6 +248,13 @@ impl OccupancyGrid {
         if mine.clamp != theirs.clamp {
             return refuse("clamp", format!("{:?}", mine.clamp), format!("{:?}", theirs.clamp));
         }
+        if !other.is_synchronized() {
+            let reason = "the other map has frames under way: synchronize it first".into();
+            return Err(Error::Unsupported { operation: "merge", reason });
+        }
+        self.synchronize()?;
+        self.fetch()?;
+        other.fetch()?;
         if self.config.max_bytes.is_some() {
             let new = other.directory.keys().filter(|key| !self.directory.contains_key(*key)).count();
             let (mut new_slots, mut blocks) = (0, 0);
@@ -172,13 +268,16 @@ impl OccupancyGrid {
             let entries = self.directory.len() + new;
             budget(&self.directory, entries, self.backend.as_ref(), new_slots, blocks, self.config.max_bytes)?;
         }
+        let dense = other.directory.iter().filter(|(_, entry)| matches!(entry, Entry::Dense(_)));
+        self.backend.reserve(dense.filter(|(key, _)| self.slot(**key).is_none()).count())?;
         for &key in other.directory.keys() {
             let (values, lost) = self.sums(other, key);
-            self.set_block(key, &values);
+            self.set_block(key, &values)?;
             self.saturated = self.saturated.saturating_add(lost);
         }
         self.num_frames = self.num_frames.saturating_add(other.num_frames);
         self.saturated = self.saturated.saturating_add(other.saturated);
+        self.history = self.history.and(other.history);
         Ok(())
     }
 
@@ -205,7 +304,19 @@ impl OccupancyGrid {
     }
 
     /// Stores a block in the form that fits it.
-    fn set_block(&mut self, key: BlockKey, values: &BlockData) {
+    ///
+    /// # Errors
+    /// If the device has no room for another block, unless that was reserved.
+    pub(crate) fn set_block(&mut self, key: BlockKey, values: &BlockData) -> Result<()> {
+        if self.slot(key).is_none() && Block::Dense(values).uniform_value().is_none() {
+            self.backend.reserve(1)?;
+        }
+        self.store(key, values);
+        Ok(())
+    }
+
+    /// Stores a block in the form that fits it; a slot for it was reserved.
+    fn store(&mut self, key: BlockKey, values: &BlockData) {
         match (Block::Dense(values).uniform_value(), self.slot(key)) {
             (Some(value), slot) => {
                 slot.into_iter().for_each(|slot| self.backend.release(slot));
@@ -213,11 +324,20 @@ impl OccupancyGrid {
             }
             (None, Some(slot)) => self.backend.write(slot, values),
             (None, None) => {
-                let slot = self.backend.allocate(0);
+                let slot = self.backend.allocate();
                 self.backend.write(slot, values);
                 self.directory.insert(key, Entry::Dense(slot));
             }
         }
+    }
+
+    /// Stores a block that the map does not hold yet.
+    pub(crate) fn put_block(&mut self, key: BlockKey, block: Block) -> Result<()> {
+        match block {
+            Block::Uniform(value) => set_uniform(&mut self.directory, key, value),
+            block => self.set_block(key, &block.to_data())?,
+        }
+        Ok(())
     }
 
     /// Rebuilds a map from what a file holds.
@@ -226,14 +346,13 @@ impl OccupancyGrid {
         blocks: impl Iterator<Item = (BlockKey, Block<'a>)>,
         num_frames: i64,
         saturated: u64,
-    ) {
+        history: History,
+    ) -> Result<()> {
         for (key, block) in blocks {
-            match block {
-                Block::Uniform(value) => set_uniform(&mut self.directory, key, value),
-                block => self.set_block(key, &block.to_data()),
-            }
+            self.put_block(key, block)?;
         }
-        (self.num_frames, self.saturated) = (num_frames, saturated);
+        (self.num_frames, self.saturated, self.history) = (num_frames, saturated, history);
+        Ok(())
     }
 
     /// The parameters of the map.
@@ -241,9 +360,14 @@ impl OccupancyGrid {
         &self.config
     }
 
-    /// What the map runs on: `"cpu"`, or the name of a device.
+    /// What the map runs on: `"cpu"` or `"gpu"`.
     pub fn backend(&self) -> &str {
         self.backend.name()
+    }
+
+    /// The name of the device that the map runs on, unless that is the CPU.
+    pub fn adapter(&self) -> Option<&str> {
+        self.backend.adapter()
     }
 
     /// Blocks that hold something.
@@ -252,12 +376,16 @@ impl OccupancyGrid {
     }
 
     /// Voxels that are not unknown.
-    pub fn num_observed(&self) -> usize {
+    ///
+    /// # Errors
+    /// If the device fails, or has taken the map along.
+    pub fn num_observed(&self) -> Result<usize> {
+        self.fetch()?;
         let observed = |block: Block| match block {
             Block::Uniform(_) => BLOCK_VOXELS,
             block => block.to_data().iter().filter(|&&value| value != 0).count(),
         };
-        self.directory.keys().filter_map(|&key| self.block(key)).map(observed).sum()
+        Ok(self.directory.keys().filter_map(|&key| self.block(key)).map(observed).sum())
     }
 
     /// Frames fused less frames removed.
@@ -268,6 +396,11 @@ impl OccupancyGrid {
     /// How often a voxel's evidence was too large to be stored whole.
     pub fn saturated(&self) -> u64 {
         self.saturated
+    }
+
+    /// What was decayed and erased.
+    pub fn history(&self) -> History {
+        self.history
     }
 
     /// Bytes that the map takes: dense blocks and directory.
@@ -297,6 +430,10 @@ impl Blocks for OccupancyGrid {
             Entry::Uniform(value) => Block::Uniform(value),
             Entry::Dense(slot) => self.backend.read(slot),
         })
+    }
+
+    fn fetch(&self) -> Result<()> {
+        self.backend.fetch()
     }
 
     fn voxel_size(&self) -> f64 {

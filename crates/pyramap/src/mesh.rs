@@ -68,6 +68,7 @@ pub struct Mesh {
 /// can be; [`Error::Unsupported`] if there are more vertices than a `u32` can number.
 pub fn extract(blocks: &(impl Blocks + ?Sized), options: &MeshOptions) -> Result<Mesh> {
     let surface = surface_sought(blocks, options)?;
+    blocks.fetch()?;
     let grid = Grid::read(blocks, &surface);
 
     let trace = |(n, entries)| grid.trace(entries, (n * CHUNK) as u32, &surface);

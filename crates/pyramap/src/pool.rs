@@ -16,7 +16,7 @@ pub struct Pool {
     num_narrow: usize,
     num_wide: usize,
     /// Room for [`Pool::add`] to work in, kept from frame to frame.
-    taken: Vec<(Voxels, Source)>,
+    taken: Vec<(Voxels, Addition)>,
     results: Vec<Added>,
 }
 
@@ -65,8 +65,8 @@ impl Pool {
         needed.saturating_sub(taken)
     }
 
-    /// A slot whose voxels all have one value.
-    pub fn allocate(&mut self, value: i32) -> u32 {
+    /// A slot, which holds zeros.
+    pub fn allocate(&mut self) -> u32 {
         let slot = self.unused.pop().unwrap_or_else(|| {
             if self.slots.len() == self.slots.capacity() {
                 self.slots.reserve_exact(TABLE_STEP);
@@ -75,7 +75,7 @@ impl Pool {
             self.slots.push(None);
             (self.slots.len() - 1) as u32
         });
-        self.put(slot, Voxels::new(&[value; BLOCK_VOXELS]));
+        self.put(slot, Voxels::Narrow(Box::new([0; BLOCK_VOXELS])));
         slot
     }
 
@@ -100,28 +100,41 @@ impl Pool {
     }
 
     /// Adds to each slot, in parallel; `mixed` holds the increments that [`Source::Mixed`] names.
-    pub fn add(&mut self, additions: &[Addition], mixed: &[BlockData], sign: i32, limits: Limits) -> Committed {
+    pub fn add(
+        &mut self,
+        additions: &[Addition],
+        mixed: &[BlockData],
+        sign: i32,
+        limits: Limits,
+        committed: &mut Committed,
+    ) {
         // Each slot's block is taken out of the pool, so that threads own the blocks they add to.
         let (mut taken, mut results) = (take(&mut self.taken), take(&mut self.results));
-        taken.extend(additions.iter().map(|addition| (self.take(addition.slot), addition.source)));
+        taken.extend(additions.iter().map(|addition| (self.take(addition.slot), *addition)));
         taken
             .par_iter_mut()
             .with_min_len(16)
-            .map(|(voxels, source)| match *source {
-                Source::Uniform(increment) => voxels.add(|_| increment * sign, limits),
-                Source::Mixed(n) => {
-                    let increments = &mixed[n];
-                    voxels.add(|i| increments[i] * sign, limits)
+            .map(|(voxels, addition)| {
+                if let Some(base) = addition.base {
+                    voxels.fill(base);
+                }
+                match addition.source {
+                    Source::Uniform(increment) => voxels.add(|_| increment * sign, limits),
+                    Source::Mixed(n) => {
+                        let increments = &mixed[n];
+                        voxels.add(|i| increments[i] * sign, limits)
+                    }
                 }
             })
             .collect_into_vec(&mut results);
         for (addition, (voxels, _)) in additions.iter().zip(taken.drain(..)) {
             self.put(addition.slot, voxels);
         }
+        committed.lost = results.iter().map(|added| added.lost).sum();
+        committed.uniform.clear();
         let uniform = results.iter().enumerate().filter_map(|(n, added)| added.uniform.map(|value| (n, value)));
-        let committed = Committed { lost: results.iter().map(|added| added.lost).sum(), uniform: uniform.collect() };
+        committed.uniform.extend(uniform);
         (self.taken, self.results) = (taken, results);
-        committed
     }
 
     fn voxels(&self, slot: u32) -> &Voxels {
@@ -160,6 +173,15 @@ impl Voxels {
         match narrowed(values) {
             Some(narrow) => Voxels::Narrow(Box::new(narrow)),
             None => Voxels::Wide(Box::new(*values)),
+        }
+    }
+
+    /// Gives all voxels one value.
+    fn fill(&mut self, value: i32) {
+        match (&mut *self, i16::try_from(value)) {
+            (Voxels::Narrow(values), Ok(value)) => values.fill(value),
+            (Voxels::Wide(values), _) => values.fill(value),
+            (voxels, Err(_)) => *voxels = Voxels::Wide(Box::new([value; BLOCK_VOXELS])),
         }
     }
 
@@ -204,42 +226,47 @@ mod tests {
 
     const LIMITS: Limits = Limits { low: i32::MIN, high: i32::MAX };
 
-    fn add(pool: &mut Pool, slot: u32, increments: &BlockData) -> Committed {
-        pool.add(&[Addition { slot, source: Source::Mixed(0) }], std::slice::from_ref(increments), 1, LIMITS)
+    fn add(pool: &mut Pool, slot: u32, base: Option<i32>, increments: &BlockData) -> Committed {
+        let mut committed = Committed::default();
+        let additions = [Addition { slot, base, source: Source::Mixed(0) }];
+        pool.add(&additions, std::slice::from_ref(increments), 1, LIMITS, &mut committed);
+        committed
     }
 
     #[test]
     fn blocks_widen_when_they_must_and_bytes_say_so() {
         let mut pool = Pool::default();
-        let slot = pool.allocate(5);
+        let slot = pool.allocate();
         let narrow = pool.bytes();
         let ramp: BlockData = std::array::from_fn(|i| i as i32 * 60);
-        assert!(add(&mut pool, slot, &ramp).uniform.is_empty());
+        assert!(add(&mut pool, slot, Some(5), &ramp).uniform.is_empty());
         assert!(matches!(pool.read(slot), Block::Narrow(_)));
         assert_eq!(pool.bytes(), narrow);
 
         let doubled = ramp.map(|value| 2 * value + 5);
         let growth = pool.growth_to(Some(slot), &doubled);
-        add(&mut pool, slot, &ramp);
+        add(&mut pool, slot, None, &ramp);
         assert!(matches!(pool.read(slot), Block::Dense(values) if *values == doubled));
         assert_eq!(pool.bytes(), narrow + growth);
         assert_eq!(growth, 1024);
 
-        let back = add(&mut pool, slot, &doubled.map(|value| 7 - value));
+        let back = add(&mut pool, slot, None, &doubled.map(|value| 7 - value));
         assert_eq!((back.lost, back.uniform), (0, vec![(0, 7)]));
         pool.release(slot);
-        assert_eq!(pool.allocate(40_000), slot);
+        assert_eq!(pool.allocate(), slot);
+        add(&mut pool, slot, Some(40_000), &ramp);
+        assert_eq!(pool.read(slot).value(3), 40_180);
         assert!(matches!(pool.read(slot), Block::Dense(_)));
     }
 
     #[test]
     fn sums_beyond_32_bits_are_counted() {
         let mut pool = Pool::default();
-        let slot = pool.allocate(0);
+        let slot = pool.allocate();
         let mut increments = [0; BLOCK_VOXELS];
         (increments[3], increments[4]) = (i32::MAX, i32::MIN + 1);
-        assert_eq!(add(&mut pool, slot, &increments).lost, 0);
-        assert_eq!(add(&mut pool, slot, &increments).lost, 2);
+        assert_eq!(add(&mut pool, slot, Some(0), &increments).lost, 0);
+        assert_eq!(add(&mut pool, slot, None, &increments).lost, 2);
         assert_eq!((pool.read(slot).value(3), pool.read(slot).value(4)), (i32::MAX, i32::MIN));
     }
 }

@@ -4,37 +4,57 @@ use crate::block::{BLOCK_VOXELS, Block, BlockKey, Blocks, locate};
 use crate::error::{Error, Result};
 use crate::grid::OccupancyGrid;
 use crate::log_odds;
+use crate::ray::{each, floor};
+use crate::state::{State, Threshold};
+use crate::window::Lookup;
 use rayon::prelude::*;
 
-/// What a map knows of a voxel.
+/// How values at voxel centres become values at points.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[repr(i8)]
-pub enum State {
-    /// Never seen, or seen with evidence that adds up to nothing.
-    Unknown = -1,
-    /// Seen, and not more likely occupied than free.
-    Free = 0,
-    /// More likely occupied than free.
-    Occupied = 1,
+pub enum Interpolation {
+    /// That of the voxel which contains the point.
+    Nearest,
+    /// Linear along each axis between the eight voxels whose centres surround the point.
+    Trilinear,
 }
 
 impl OccupancyGrid {
     /// Log-odds at world points, metres: evidence plus prior, and 0 where unknown, as in [`Self::block_log_odds`].
     ///
+    /// With [`Interpolation::Trilinear`] a point in an unknown voxel is unknown; anywhere else those of the eight
+    /// surrounding voxels that are unknown are left out and the weights of the others scaled to a sum of one. So points
+    /// are known or not by their voxels alone, and known ones are not drawn towards 0 where knowledge ends.
+    ///
     /// # Errors
-    /// [`Error::Parameter`] naming the first point that is not finite.
-    pub fn log_odds(&self, points: &[[f64; 3]]) -> Result<Vec<f32>> {
+    /// [`Error::Parameter`] naming the first point that is not finite; or if the device fails.
+    pub fn log_odds(&self, points: &[[f64; 3]], interpolation: Interpolation) -> Result<Vec<f32>> {
         let l_0 = self.prior_log_odds();
-        self.at(points, |evidence| known_log_odds(evidence, l_0))
+        match interpolation {
+            Interpolation::Nearest => self.at(points, |blocks, point| known_log_odds(evidence(blocks, point), l_0)),
+            Interpolation::Trilinear => self.at(points, |blocks, point| match interpolated(blocks, point) {
+                None => 0.0,
+                Some(evidence) => (evidence + l_0) as f32,
+            }),
+        }
     }
 
     /// Probabilities of being occupied at world points (Eq. 5); the prior where unknown.
     ///
+    /// What is interpolated are the log-odds, as in [`OccupancyGrid::log_odds`].
+    ///
     /// # Errors
     /// As [`OccupancyGrid::log_odds`].
-    pub fn probability(&self, points: &[[f64; 3]]) -> Result<Vec<f32>> {
+    pub fn probability(&self, points: &[[f64; 3]], interpolation: Interpolation) -> Result<Vec<f32>> {
         let l_0 = self.prior_log_odds();
-        self.at(points, |evidence| log_odds::to_probability(log_odds::from_fixed(evidence) + l_0) as f32)
+        let probability = |evidence: f64| log_odds::to_probability(evidence + l_0) as f32;
+        match interpolation {
+            Interpolation::Nearest => {
+                self.at(points, |blocks, point| probability(log_odds::from_fixed(evidence(blocks, point))))
+            }
+            Interpolation::Trilinear => {
+                self.at(points, |blocks, point| probability(interpolated(blocks, point).unwrap_or(0.0)))
+            }
+        }
     }
 
     /// Whether the voxels at world points are unknown, free or occupied.
@@ -42,12 +62,8 @@ impl OccupancyGrid {
     /// # Errors
     /// As [`OccupancyGrid::log_odds`].
     pub fn state(&self, points: &[[f64; 3]]) -> Result<Vec<State>> {
-        let l_0 = self.prior_log_odds();
-        self.at(points, |evidence| match evidence {
-            0 => State::Unknown,
-            _ if log_odds::from_fixed(evidence) + l_0 > 0.0 => State::Occupied,
-            _ => State::Free,
-        })
+        let threshold = Threshold::of(self);
+        self.at(points, |blocks, point| threshold.state(evidence(blocks, point)))
     }
 
     /// The keys of all blocks that hold something, sorted.
@@ -59,7 +75,11 @@ impl OccupancyGrid {
 
     /// Log-odds of whole blocks, one after the other, each with `z` running fastest; 0 where unknown, evidence plus
     /// prior elsewhere.
-    pub fn block_log_odds(&self, keys: &[BlockKey]) -> Vec<f32> {
+    ///
+    /// # Errors
+    /// If the device fails, or has taken the map along.
+    pub fn block_log_odds(&self, keys: &[BlockKey]) -> Result<Vec<f32>> {
+        self.fetch()?;
         let l_0 = self.prior_log_odds();
         let mut out = vec![0.0; keys.len() * BLOCK_VOXELS];
         out.par_chunks_mut(BLOCK_VOXELS).zip(keys).for_each(|(out, &key)| match self.block(key) {
@@ -70,33 +90,70 @@ impl OccupancyGrid {
                 voxels.for_each(|(out, evidence)| *out = known_log_odds(evidence, l_0));
             }
         });
-        out
+        Ok(out)
     }
 
-    fn at<T: Send>(&self, points: &[[f64; 3]], answer: impl Fn(i32) -> T + Sync) -> Result<Vec<T>> {
-        let voxel_size = self.voxel_size();
-        let one = |(row, point): (usize, &[f64; 3])| match point.iter().find(|c| !c.is_finite()) {
-            Some(got) => Err(Error::Parameter {
-                name: "points",
-                got: format!("{got} in row {row}"),
-                expected: "finite coordinates, metres".into(),
-            }),
-            None => Ok(answer(self.evidence(point.map(|c| c / voxel_size)))),
-        };
-        points.par_iter().with_min_len(1024).enumerate().map(one).collect()
-    }
-
-    /// Stored evidence at a point given in voxels; beyond all coordinates, as wherever nothing is stored, 0.
-    fn evidence(&self, point: [f64; 3]) -> i32 {
-        let index = point.map(f64::floor);
-        if index.iter().any(|i| i.abs() > f64::from(i32::MAX)) {
-            return 0;
-        }
-        let (key, offset) = locate(index.map(|i| i as i32));
-        self.block(key).map_or(0, |block| block.value(offset))
+    /// Answers for each point, which is given in voxels.
+    fn at<T: Send>(
+        &self,
+        points: &[[f64; 3]],
+        answer: impl Fn(&Lookup<Self>, [f64; 3]) -> T + Sync,
+    ) -> Result<Vec<T>> {
+        check_finite("points", points)?;
+        self.fetch()?;
+        let (blocks, voxel_size) = (Lookup::new(self, points.len()), self.voxel_size());
+        let answer = |point: &[f64; 3]| answer(&blocks, each(|a| point[a] / voxel_size));
+        Ok(points.par_iter().with_min_len(1024).map(answer).collect())
     }
 }
 
-fn known_log_odds(evidence: i32, l_0: f64) -> f32 {
+/// Stored evidence of the voxel that contains a point; beyond all coordinates, as wherever nothing is stored, 0.
+#[inline(always)]
+fn evidence(blocks: &impl Blocks, point: [f64; 3]) -> i32 {
+    let (key, offset) = locate(each(|a| floor(point[a])));
+    blocks.block(key).map_or(0, |block| block.value(offset))
+}
+
+/// Evidence as log-odds, interpolated between known voxels; `None` in unknown ones.
+fn interpolated(blocks: &impl Blocks, point: [f64; 3]) -> Option<f64> {
+    if evidence(blocks, point) == 0 {
+        return None;
+    }
+    let first = each(|a| floor(point[a] - 0.5));
+    let share = each(|a| point[a] - 0.5 - f64::from(first[a]));
+    let mut last = (locate(first).0, None);
+    last.1 = blocks.block(last.0);
+    let (mut sum, mut weights) = (0.0, 0.0);
+    for corner in 0..8 {
+        let step = each(|a| corner >> (2 - a) & 1);
+        let (key, offset) = locate(each(|a| first[a] + step[a]));
+        if key != last.0 {
+            last = (key, blocks.block(key));
+        }
+        let evidence = last.1.map_or(0, |block| block.value(offset));
+        if evidence != 0 {
+            let weight: f64 = each(|a| if step[a] == 1 { share[a] } else { 1.0 - share[a] }).iter().product();
+            sum += weight * log_odds::from_fixed(evidence);
+            weights += weight;
+        }
+    }
+    // The voxel that contains the point has a weight of an eighth or more.
+    Some(sum / weights)
+}
+
+/// Refuses rows that are not finite, by the name of the argument.
+pub(crate) fn check_finite<const N: usize>(name: &'static str, rows: &[[f64; N]]) -> Result<()> {
+    let bad = |row: &[f64; N]| row.iter().any(|c| !c.is_finite());
+    match rows.par_iter().with_min_len(4096).position_first(bad) {
+        None => Ok(()),
+        Some(row) => Err(Error::Parameter {
+            name,
+            got: format!("{:?} in row {row}", rows[row]),
+            expected: "finite coordinates, metres".into(),
+        }),
+    }
+}
+
+pub(crate) fn known_log_odds(evidence: i32, l_0: f64) -> f32 {
     if evidence == 0 { 0.0 } else { (log_odds::from_fixed(evidence) + l_0) as f32 }
 }

@@ -16,6 +16,16 @@ pub enum BeyondMaxRange {
     Ignore,
 }
 
+impl BeyondMaxRange {
+    /// The measurement that stands for such a reading.
+    pub fn value(self) -> f32 {
+        match self {
+            BeyondMaxRange::Free => f32::INFINITY,
+            BeyondMaxRange::Ignore => 0.0,
+        }
+    }
+}
+
 /// The measurements `M(u, v)`: distance from the camera centre, metres; `0` no reading, `+inf` no return.
 #[derive(Clone, Debug, Default)]
 pub struct Ranges {
@@ -51,55 +61,28 @@ impl Ranges {
         max_range: f64,
         beyond: BeyondMaxRange,
     ) -> Result<()> {
-        if (image.width, image.height) != (camera.width, camera.height) {
-            return Err(Error::ImageSize {
-                got_width: image.width,
-                got_height: image.height,
-                width: camera.width,
-                height: camera.height,
-            });
-        }
+        check(image, camera, max_range, beyond)?;
         self.fit(camera);
-        let beyond = match beyond {
-            BeyondMaxRange::Free => f32::INFINITY,
-            BeyondMaxRange::Ignore => 0.0,
-        };
-        let max_range = max_range as f32;
+        let measured = |depth, per_depth| range(depth, per_depth, max_range as f32, beyond.value());
         let width = self.width;
         let rows = self.values.par_chunks_mut(width).zip(self.range_per_depth.par_chunks(width)).enumerate();
-        let valid: usize = rows
-            .with_min_len(16)
-            .map(|(row, (out, range_per_depth))| {
-                let pixels = row * width..(row + 1) * width;
-                let range = |depth: f32, per_depth: f32| {
-                    let range = depth * per_depth;
-                    let range = if range > 0.0 { range } else { 0.0 };
-                    if range > max_range { if range == f32::INFINITY { range } else { beyond } } else { range }
-                };
-                let lanes = out.iter_mut().zip(range_per_depth);
-                match image.depth {
-                    Depth::F32(values) => {
-                        lanes.zip(&values[pixels]).for_each(|((out, &per), &depth)| *out = range(depth, per));
-                    }
-                    Depth::F64(values) => {
-                        lanes.zip(&values[pixels]).for_each(|((out, &per), &depth)| *out = range(depth as f32, per));
-                    }
-                    Depth::U16 { values, scale } => {
-                        let scale = scale as f32;
-                        let metres = |raw| f32::from(raw) / scale;
-                        lanes.zip(&values[pixels]).for_each(|((out, &per), &raw)| *out = range(metres(raw), per));
-                    }
+        rows.with_min_len(16).for_each(|(row, (out, range_per_depth))| {
+            let pixels = row * width..(row + 1) * width;
+            let lanes = out.iter_mut().zip(range_per_depth);
+            match image.depth {
+                Depth::F32(values) => {
+                    lanes.zip(&values[pixels]).for_each(|((out, &per), &depth)| *out = measured(depth, per));
                 }
-                out.iter().map(|&range| usize::from(range > 0.0)).sum::<usize>()
-            })
-            .sum();
-        if valid == 0 {
-            return Err(Error::Parameter {
-                name: "depth image",
-                got: format!("{} pixels without a reading", self.values.len()),
-                expected: "at least one reading that is neither 0, negative nor NaN".into(),
-            });
-        }
+                Depth::F64(values) => {
+                    lanes.zip(&values[pixels]).for_each(|((out, &per), &depth)| *out = measured(depth as f32, per));
+                }
+                Depth::U16 { values, scale } => {
+                    let scale = scale as f32;
+                    let metres = |raw| f32::from(raw) / scale;
+                    lanes.zip(&values[pixels]).for_each(|((out, &per), &raw)| *out = measured(metres(raw), per));
+                }
+            }
+        });
         Ok(())
     }
 
@@ -111,12 +94,49 @@ impl Ranges {
         (self.width, self.height) = (camera.width, camera.height);
         self.values.resize(camera.width * camera.height, 0.0);
         self.range_per_depth.clear();
-        self.range_per_depth.extend(
-            (0..camera.height)
-                .flat_map(|v| (0..camera.width).map(move |u| camera.range_per_depth(u as f64, v as f64) as f32)),
-        );
+        self.range_per_depth.extend(range_per_depth(camera));
         self.camera = Some(*camera);
     }
+}
+
+/// `|K^-1 [u v 1]|` for each pixel of a camera, row by row.
+pub fn range_per_depth(camera: &PinholeCamera) -> impl Iterator<Item = f32> {
+    let row = move |v| (0..camera.width).map(move |u| camera.range_per_depth(u as f64, v as f64) as f32);
+    (0..camera.height).flat_map(row)
+}
+
+/// What a pixel measures (Eq. 6), with `beyond` for what lies beyond the range of the map.
+#[inline(always)]
+fn range(depth: f32, range_per_depth: f32, max_range: f32, beyond: f32) -> f32 {
+    let range = depth * range_per_depth;
+    let range = if range > 0.0 { range } else { 0.0 };
+    if range > max_range { if range == f32::INFINITY { range } else { beyond } } else { range }
+}
+
+/// Checks that an image can be fused, without looking at more pixels than that takes.
+///
+/// # Errors
+/// [`Error::ImageSize`] if image and camera differ; [`Error::Parameter`] if no pixel says anything.
+pub fn check(image: &DepthImage, camera: &PinholeCamera, max_range: f64, beyond: BeyondMaxRange) -> Result<()> {
+    if (image.width, image.height) != (camera.width, camera.height) {
+        return Err(Error::ImageSize {
+            got_width: image.width,
+            got_height: image.height,
+            width: camera.width,
+            height: camera.height,
+        });
+    }
+    let pixels = image.width * image.height;
+    let says_something =
+        |(pixel, per)| range(image.depth.metres(pixel), per, max_range as f32, beyond.value()) > 0.0;
+    if !range_per_depth(camera).enumerate().any(says_something) {
+        return Err(Error::Parameter {
+            name: "depth image",
+            got: format!("{pixels} pixels without a reading"),
+            expected: "at least one reading that is neither 0, negative nor NaN".into(),
+        });
+    }
+    Ok(())
 }
 
 #[cfg(test)]

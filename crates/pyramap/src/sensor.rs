@@ -202,6 +202,16 @@ impl SensorTable {
         self.cutoff
     }
 
+    /// Log-odd at the start of each interval, and its rise over the interval.
+    pub fn entries(&self) -> &[[f32; 2]] {
+        &self.entries
+    }
+
+    /// How many intervals lie in a sigma.
+    pub fn intervals_per_sigma(&self) -> f32 {
+        self.intervals_per_sigma
+    }
+
     /// The log-odd in front of every surface.
     pub fn free(&self) -> f32 {
         self.free

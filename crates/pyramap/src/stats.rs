@@ -1,13 +1,16 @@
 //! What a frame did, and how long each stage took.
 
 use crate::block::BLOCK_VOXELS;
-use crate::cull::Culled;
+use crate::backend::Seen;
 use crate::update::Change;
+use std::sync::{Arc, OnceLock};
 use std::time::Instant;
 
-/// Seconds spent in each stage.
+/// Seconds spent in each stage. A device that cannot tell its kernels apart books them all to `update`.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct StageSeconds {
+    /// The image on its way to a device.
+    pub upload: f64,
     /// Distances out of depths.
     pub ranges: f64,
     /// The layers and their bounds.
@@ -16,15 +19,25 @@ pub struct StageSeconds {
     pub cull: f64,
     /// Log-odds of the voxels in mixed blocks.
     pub update: f64,
+    /// What was found on its way back from a device.
+    pub readback: f64,
     /// Addition to the map.
     pub commit: f64,
 }
 
 impl StageSeconds {
     /// Names and values, in the order of the stages.
-    pub fn named(&self) -> [(&'static str, f64); 5] {
-        let Self { ranges, pyramid, cull, update, commit } = *self;
-        [("ranges", ranges), ("pyramid", pyramid), ("cull", cull), ("update", update), ("commit", commit)]
+    pub fn named(&self) -> [(&'static str, f64); 7] {
+        let Self { upload, ranges, pyramid, cull, update, readback, commit } = *self;
+        [
+            ("upload", upload),
+            ("ranges", ranges),
+            ("pyramid", pyramid),
+            ("cull", cull),
+            ("update", update),
+            ("readback", readback),
+            ("commit", commit),
+        ]
     }
 }
 
@@ -44,7 +57,7 @@ pub struct FrameStats {
 }
 
 impl FrameStats {
-    pub(crate) fn count(culled: &Culled, changes: &[Change]) -> Self {
+    pub(crate) fn count(Seen { culled, changes, seconds }: &Seen) -> Self {
         let voxels = |change: &Change| match *change {
             Change::None => 0,
             Change::Uniform(_) => BLOCK_VOXELS,
@@ -54,30 +67,39 @@ impl FrameStats {
             blocks_free: culled.free.len(),
             blocks_mixed: culled.mixed.len(),
             voxels_updated: culled.free.len() * BLOCK_VOXELS + changes.iter().map(voxels).sum::<usize>(),
-            ..Self::default()
+            saturated: 0,
+            seconds: *seconds,
         }
     }
 }
 
-/// Takes the time of one stage after the other.
-pub(crate) struct Stopwatch {
-    last: Instant,
-    seconds: StageSeconds,
+/// What a submitted frame did, once that is known.
+#[derive(Clone, Debug, Default)]
+pub struct Submitted(Arc<OnceLock<FrameStats>>);
+
+impl Submitted {
+    /// What the frame did; `None` until it is fused, and for ever if it could not be.
+    pub fn stats(&self) -> Option<FrameStats> {
+        self.0.get().copied()
+    }
+
+    pub(crate) fn settle(&self, stats: FrameStats) {
+        self.0.set(stats).expect("a frame is fused once");
+    }
 }
 
+/// Takes the time of one stage after the other.
+pub struct Stopwatch(Instant);
+
 impl Stopwatch {
-    pub(crate) fn start() -> Self {
-        Self { last: Instant::now(), seconds: StageSeconds::default() }
+    /// Starts with the first stage.
+    pub fn start() -> Self {
+        Self(Instant::now())
     }
 
-    /// Books the time since the last lap to a stage.
-    pub(crate) fn lap(&mut self, stage: impl Fn(&mut StageSeconds) -> &mut f64) {
+    /// Seconds since the last lap.
+    pub fn lap(&mut self) -> f64 {
         let now = Instant::now();
-        *stage(&mut self.seconds) = (now - self.last).as_secs_f64();
-        self.last = now;
-    }
-
-    pub(crate) fn seconds(&self) -> StageSeconds {
-        self.seconds
+        (now - std::mem::replace(&mut self.0, now)).as_secs_f64()
     }
 }

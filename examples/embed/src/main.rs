@@ -4,7 +4,7 @@
 //! simulated here; a robot would take images and poses from its drivers, and all else would stay as it is.
 
 use pyramap::mesh::{Mesh, MeshOptions, extract};
-use pyramap::{Depth, DepthImage, Error, GridConfig, OccupancyGrid, Pose, State};
+use pyramap::{Depth, DepthImage, Error, GridConfig, Interpolation, OccupancyGrid, Pose, State};
 use pyramap_scenes::{Scene, kinect_noise, office_loop};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -81,7 +81,7 @@ fn first_obstacle(grid: &OccupancyGrid, way: &[Pose]) -> Result<Option<(usize, S
         let states = grid.state(&body)?;
         // Where nobody has looked a robot should not go either.
         if let Some(place) = states.iter().position(|&state| state != State::Free) {
-            return Ok(Some((step, states[place], grid.probability(&body)?[place])));
+            return Ok(Some((step, states[place], grid.probability(&body, Interpolation::Nearest)?[place])));
         }
     }
     Ok(None)

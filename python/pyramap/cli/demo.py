@@ -11,7 +11,7 @@ from .. import scenes
 from .._core import OccupancyGrid
 from .conclusion import conclude
 from .fusing import fuse
-from .options import AsJson, BackendChoice, MinEvidence, Threads
+from .options import AdapterChoice, AsJson, BackendChoice, MinEvidence, Threads
 from .outputs import check_writable
 from .products import Products
 from .values import Backend, Update
@@ -27,6 +27,7 @@ def run_demo(
     noise: Annotated[bool, typer.Option(help="Measure as a Kinect does, or without any error.")] = True,
     update: Annotated[Update, typer.Option(help="How a voxel's log-odds come from the image.")] = Update.pyramid,
     backend: BackendChoice = Backend.auto,
+    adapter: AdapterChoice = None,
     min_evidence: MinEvidence = 0.0,
     stride: Annotated[int, typer.Option(min=1, help="Take every n-th of the 684 views.")] = 1,
     limit: Annotated[int | None, typer.Option(min=1, help="Take at most n views.")] = None,
@@ -37,7 +38,7 @@ def run_demo(
 
     The office has corridors of 60 m in a loop and a furnished meeting room.
     """
-    grid = OccupancyGrid(resolution, update=update.value, backend=backend.value)
+    grid = OccupancyGrid(resolution, update=update.value, backend=backend.value, adapter=adapter)
     output.mkdir(parents=True, exist_ok=True)
     scene = scenes.office_loop()
     products = Products(

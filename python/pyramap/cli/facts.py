@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from .._core import OccupancyGrid
+from .._core import Device, OccupancyGrid
 from .fusing import Run
 
 _BLOCKS_AT_ONCE = 8192
@@ -31,13 +31,30 @@ def map_facts(grid: OccupancyGrid) -> Facts:
         "clamp": grid.clamp,
         "prior": grid.prior,
         "backend": grid.backend,
+        "adapter": grid.adapter,
         "frames": grid.num_frames,
         "bounds": None if bounds is None else bounds.tolist(),
         "blocks": grid.num_blocks,
         "voxels_free": grid.num_observed - occupied,
         "voxels_occupied": occupied,
         "saturated": grid.saturated,
+        "decays": grid.num_decays,
+        "decay_product": grid.decay_product,
+        "erasures": grid.num_erasures,
         "bytes": grid.nbytes,
+    }
+
+
+def device_facts(device: Device) -> Facts:
+    """What a graphics adapter is; bytes."""
+    return {
+        "name": device.name,
+        "kind": device.kind,
+        "api": device.api,
+        "driver": device.driver,
+        "max_buffer_bytes": device.max_buffer_bytes,
+        "max_binding_bytes": device.max_binding_bytes,
+        "problem": device.problem,
     }
 
 

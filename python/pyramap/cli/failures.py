@@ -7,13 +7,13 @@ from typing import Any
 import typer
 from typer.core import TyperGroup
 
-from .._core import MapFullError
+from .._core import DeviceError, MapFullError
 
 FAILED = 1
 INTERRUPTED = 130
 """128 plus the number of SIGINT, as shells have it."""
 
-EXPECTED_ERRORS = (OSError, ValueError, MapFullError, MemoryError)
+EXPECTED_ERRORS = (OSError, ValueError, MapFullError, DeviceError, MemoryError)
 """What bad input and full disks raise. Anything else is a fault of the program and keeps its traceback."""
 
 

@@ -8,15 +8,24 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from statistics import median
 from time import perf_counter
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .._core import MapFullError, OccupancyGrid
+from .._core import DeviceError, FrameStats, MapFullError, OccupancyGrid
 from ..datasets import Frame
 from .failures import EXPECTED_ERRORS, explain
 from .interrupts import Interrupts
 from .terminal import frame_progress
+
+
+class Fused(NamedTuple):
+    """A frame that the map has taken."""
+
+    index: int
+    world_from_camera: NDArray[np.float64]
+    stats: FrameStats
 
 
 @dataclass
@@ -24,8 +33,7 @@ class Run:
     """What happened while frames were fused.
 
     Attributes:
-        poses: `world_from_camera` of the fused frames, (4, 4) each.
-        stage_seconds: Seconds of each fused frame, by stage of `integrate`.
+        fused: The fused frames, in order.
         integrate_seconds: Seconds of each whole call of `integrate`.
         waited_seconds: Seconds that the mapper waited for each frame: what reading costs beyond the other thread.
         rejected: Frames that the map refused and that were left out, by index, with the reason.
@@ -34,8 +42,7 @@ class Run:
         peak_memory_bytes: The most memory that this process had until then; None where the system does not say.
     """
 
-    poses: list[NDArray[np.float64]] = field(default_factory=list)
-    stage_seconds: dict[str, list[float]] = field(default_factory=lambda: defaultdict(list))
+    fused: list[Fused] = field(default_factory=list)
     integrate_seconds: list[float] = field(default_factory=list)
     waited_seconds: list[float] = field(default_factory=list)
     total_seconds: float = 0.0
@@ -47,12 +54,24 @@ class Run:
     @property
     def frames(self) -> int:
         """How many frames were fused."""
-        return len(self.poses)
+        return len(self.fused)
+
+    @property
+    def poses(self) -> list[NDArray[np.float64]]:
+        """`world_from_camera` of the fused frames, (4, 4) each."""
+        return [frame.world_from_camera for frame in self.fused]
 
     def median_ms(self) -> dict[str, float]:
-        """Median milliseconds a frame: each stage, the whole call, and the wait for the frame; empty without frames."""
+        """Median milliseconds a frame: each stage, the whole call, and the wait for the frame; empty without frames.
+
+        Stages that took no time at all, such as the way to a GPU that is not there, are left out.
+        """
+        stages: dict[str, list[float]] = defaultdict(list)
+        for frame in self.fused:
+            for stage, seconds in frame.stats.seconds.items():
+                stages[stage].append(seconds)
         named = {
-            **self.stage_seconds,
+            **{stage: seconds for stage, seconds in stages.items() if any(seconds)},
             "integrate": self.integrate_seconds,
             "wait for frame": self.waited_seconds,
         }
@@ -73,6 +92,7 @@ def fuse(grid: OccupancyGrid, frames: Iterable[Frame], total: int, skip_bad: boo
     start = perf_counter()
     with frame_progress() as progress, Interrupts() as interrupts:
         bar = progress.add_task("mapping", total=total)
+        frame = None
         try:
             while not interrupts.requested:
                 asked = perf_counter()
@@ -82,6 +102,10 @@ def fuse(grid: OccupancyGrid, frames: Iterable[Frame], total: int, skip_bad: boo
                 run.waited_seconds.append(perf_counter() - asked)
                 _fuse_one(grid, frame, run, skip_bad)
                 progress.advance(bar)
+            grid.synchronize()
+        except (MapFullError, DeviceError) as error:
+            first = _drop_unfused(run) or frame
+            run.failure = explain(error) if first is None else f"frame {first.index}: {explain(error)}"
         except EXPECTED_ERRORS as error:
             run.failure = explain(error)
         run.interrupted = interrupts.requested
@@ -94,17 +118,28 @@ def _fuse_one(grid: OccupancyGrid, frame: Frame, run: Run, skip_bad: bool) -> No
     started = perf_counter()
     try:
         stats = grid.integrate(frame.depth, frame.camera, frame.world_from_camera)
-    except MapFullError as error:
-        raise MapFullError(f"frame {frame.index}: {error}") from error
     except ValueError as error:
         if not skip_bad:
             raise ValueError(f"frame {frame.index}: {error}") from error
         run.rejected[frame.index] = str(error)
         return
     run.integrate_seconds.append(perf_counter() - started)
-    for stage, seconds in stats.seconds.items():
-        run.stage_seconds[stage].append(seconds)
-    run.poses.append(np.array(frame.world_from_camera))
+    run.fused.append(Fused(frame.index, np.array(frame.world_from_camera), stats))
+
+
+def _drop_unfused(run: Run) -> Fused | None:
+    """Take out the last frames if a GPU took but could not fuse them; the first of these."""
+    first = None
+    while run.fused and not _is_fused(run.fused[-1].stats):
+        first = run.fused.pop()
+    return first
+
+
+def _is_fused(stats: FrameStats) -> bool:
+    try:
+        return stats.saturated >= 0
+    except (MapFullError, DeviceError, RuntimeError):
+        return False
 
 
 def _peak_memory() -> int | None:

@@ -1,17 +1,38 @@
-"""`pyramap info`: what a map file holds."""
+"""`pyramap info`: what a map file holds, or which GPUs there are."""
 
 from __future__ import annotations
 
-from .._core import OccupancyGrid
-from .facts import map_facts
-from .options import AsJson, MapFile
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from .._core import OccupancyGrid, devices
+from .facts import device_facts, map_facts
+from .options import AsJson
 from .products import file_sizes
-from .summary import map_rows, print_json, print_table
+from .summary import device_rows, map_rows, print_json, print_table
 
 
-def describe_map(file: MapFile, as_json: AsJson = False) -> None:
-    """Say how MAP was made and what it holds."""
-    facts = {"map": map_facts(OccupancyGrid.load(file)), "files": file_sizes([file])}
+def describe_map(
+    file: Annotated[Path | None, typer.Argument(metavar="MAP", help="A map: a .pmap file.", show_default=False)] = None,
+    list_devices: Annotated[bool, typer.Option("--devices", help="List the GPUs that maps can run on.")] = False,
+    as_json: AsJson = False,
+) -> None:
+    """Say how MAP was made and what it holds, or which GPUs this machine has."""
+    if (file is None) != list_devices:
+        raise typer.BadParameter("name a map, or ask for --devices")
+    if file is None:
+        found = [device_facts(device) for device in devices()]
+        if as_json:
+            print_json({"devices": found})
+        elif found:
+            for facts in found:
+                print_table(facts["name"], device_rows(facts))
+        else:
+            typer.echo("no graphics adapters: install the driver of your card; on Linux its Vulkan driver")
+        return
+    facts = {"map": map_facts(OccupancyGrid.load(file, backend="cpu")), "files": file_sizes([file])}
     if as_json:
         print_json(facts)
     else:

@@ -12,7 +12,7 @@ from .._core import OccupancyGrid, SensorModel
 from . import values
 from .conclusion import conclude
 from .fusing import fuse
-from .options import AsJson, BackendChoice, MeshOut, MinEvidence, PictureOut, Threads
+from .options import AdapterChoice, AsJson, BackendChoice, MeshOut, MinEvidence, PictureOut, Threads
 from .outputs import check_writable, map_path, picture_path
 from .products import Products
 from .values import Backend, Numbers, Update
@@ -51,6 +51,7 @@ def map_dataset(
     max_range: Annotated[float, typer.Option(help="Readings count up to this distance, metres.")] = 5.0,
     update: Annotated[Update, typer.Option(help="How a voxel's log-odds come from the image.")] = Update.pyramid,
     backend: BackendChoice = Backend.auto,
+    adapter: AdapterChoice = None,
     clamp: Annotated[
         Numbers | None, typer.Option(parser=values.pair, metavar="LO,HI", help="Keep log-odds within these bounds.")
     ] = None,
@@ -90,6 +91,7 @@ def map_dataset(
         clamp=None if clamp is None else (clamp[0], clamp[1]),
         max_bytes=max_bytes,
         prior=prior,
+        adapter=adapter,
     )
     frames = datasets.open(dataset, skip_bad=skip_bad, stride=stride, limit=limit)
     if camera is not None:

@@ -10,7 +10,7 @@ import typer
 from .. import pictures
 from .._core import Mesh, OccupancyGrid
 from . import values
-from .options import AsJson, BackendChoice, MapFile, MinEvidence, PictureOut, Threads
+from .options import AdapterChoice, AsJson, BackendChoice, MapFile, MinEvidence, PictureOut, Threads
 from .outputs import check_writable, mesh_path, write_mesh
 from .products import draw_mesh, file_sizes, mesh_facts
 from .summary import print_files, print_json, print_table, product_rows
@@ -54,6 +54,7 @@ def mesh_map(
         bool, typer.Option("--backs", help="Draw surfaces seen from behind, in blue, instead of looking through them.")
     ] = False,
     backend: BackendChoice = Backend.auto,
+    adapter: AdapterChoice = None,
     threads: Threads = None,
     as_json: AsJson = False,
 ) -> None:
@@ -64,7 +65,7 @@ def mesh_map(
     if (eye is None) != (look_at is None):
         raise typer.BadParameter("--eye and --look-at go together")
     check_writable(paths)
-    grid = OccupancyGrid.load(file, backend=backend.value)
+    grid = OccupancyGrid.load(file, backend=backend.value, adapter=adapter)
     with working_on("making the mesh"):
         mesh = grid.mesh(level=level, min_evidence=min_evidence)
     if output:

@@ -29,6 +29,14 @@ Threads = Annotated[
     int | None, typer.Option(min=1, callback=_use_threads, help="How many threads compute; all cores by default.")
 ]
 BackendChoice = Annotated[Backend, typer.Option(help="What computes; auto is a GPU if there is one, else the CPU.")]
+AdapterChoice = Annotated[
+    str | None,
+    typer.Option(
+        metavar="NAME",
+        help="Compute on the GPU with this in its name; `pyramap info --devices` lists them.",
+        show_default=False,
+    ),
+]
 MinEvidence = Annotated[
     float,
     typer.Option(min=0.0, help="The mesh passes by voxels with less evidence (log-odds, either sign) than this."),

@@ -50,7 +50,25 @@ def map_rows(facts: Facts) -> Iterator[Row]:
     yield "voxels", f"{facts['voxels_free']:,} free, {facts['voxels_occupied']:,} occupied"
     if facts["saturated"]:
         yield "saturated", f"{facts['saturated']:,} times: these voxels no longer hold all their evidence"
-    yield "map", f"{facts['blocks']:,} blocks, {_size(facts['bytes'])} in memory ({facts['backend']})"
+    if facts["decays"]:
+        yield "decayed", f"{facts['decays']:,} times, by {facts['decay_product']:g} in all"
+    if facts["erasures"]:
+        yield "erased", f"{facts['erasures']:,} times, by clear or crop"
+    yield (
+        "map",
+        f"{facts['blocks']:,} blocks, {_size(facts['bytes'])} in memory ({facts['adapter'] or facts['backend']})",
+    )
+
+
+def device_rows(facts: Facts) -> Iterator[Row]:
+    """Rows for `device_facts`."""
+    played = ": the processor plays a GPU, and is used only if it is named" if facts["kind"] == "software" else ""
+    yield "kind", facts["kind"] + played
+    yield "interface", f"{facts['api']}, {facts['driver']}"
+    yield "largest buffer", _size(facts["max_buffer_bytes"])
+    yield "largest binding", _size(facts["max_binding_bytes"])
+    if facts["problem"]:
+        yield "cannot be used", facts["problem"]
 
 
 def run_rows(facts: Facts) -> Iterator[Row]:

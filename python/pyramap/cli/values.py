@@ -19,6 +19,7 @@ class Update(StrEnum):
     area = "area"
     min_layer = "min_layer"
     ideal = "ideal"
+    rays = "rays"
 
 
 class Backend(StrEnum):
@@ -26,6 +27,7 @@ class Backend(StrEnum):
 
     auto = "auto"
     cpu = "cpu"
+    gpu = "gpu"
 
 
 class Axis(StrEnum):

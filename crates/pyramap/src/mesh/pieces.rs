@@ -4,6 +4,7 @@
 //! surface, but are no part of one.
 
 use super::Mesh;
+use crate::disjoint_sets::DisjointSets;
 use hashbrown::HashMap;
 use hashbrown::hash_map::Entry;
 
@@ -14,7 +15,7 @@ pub(super) fn without_small_pieces(mesh: Mesh, min_faces: usize) -> Mesh {
     if min_faces <= 1 {
         return mesh;
     }
-    let mut pieces = Pieces::new(mesh.faces.len());
+    let mut pieces = DisjointSets::new(mesh.faces.len());
     let mut open = HashMap::new();
     for (n, &[a, b, c]) in (0..).zip(&mesh.faces) {
         for (from, to) in [(a, b), (b, c), (c, a)] {
@@ -46,38 +47,6 @@ pub(super) fn without_small_pieces(mesh: Mesh, min_faces: usize) -> Mesh {
         vertices: of_used(&mesh.vertices),
         faces: faces.iter().map(|face| face.map(|vertex| numbers[vertex as usize])).collect(),
         normals: of_used(&mesh.normals),
-    }
-}
-
-/// Disjoint sets of faces. Each face points to another of its set that comes before it, the first to itself.
-struct Pieces {
-    before: Vec<u32>,
-}
-
-impl Pieces {
-    fn new(count: usize) -> Self {
-        Self { before: (0..count as u32).collect() }
-    }
-
-    fn first(&self, mut n: u32) -> u32 {
-        while self.before[n as usize] != n {
-            n = self.before[n as usize];
-        }
-        n
-    }
-
-    fn join(&mut self, a: u32, b: u32) {
-        let (a, b) = (self.shortened(a), self.shortened(b));
-        self.before[a.max(b) as usize] = a.min(b);
-    }
-
-    /// The first of a set; the way there is halved in passing, so that ways stay short.
-    fn shortened(&mut self, mut n: u32) -> u32 {
-        while self.before[n as usize] != n {
-            self.before[n as usize] = self.before[self.before[n as usize] as usize];
-            n = self.before[n as usize];
-        }
-        n
     }
 }
 

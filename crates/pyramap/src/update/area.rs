@@ -10,7 +10,8 @@ use crate::view::{Lanes, Points, View};
 
 /// The sample points of a voxel, relative to its centre, in the camera's frame, metres.
 pub struct Area {
-    samples: Points,
+    /// The points.
+    pub samples: Points,
 }
 
 impl Area {

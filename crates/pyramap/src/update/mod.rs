@@ -10,6 +10,7 @@ pub mod area;
 pub mod ideal;
 pub mod min_layer;
 pub mod pyramid;
+pub mod rays;
 
 use crate::block::{BLOCK_EDGE, BLOCK_VOXELS, BlockData, BlockKey, voxel_offset};
 use crate::cull::{Class, Eighths, Reads, Scope, side};
@@ -34,6 +35,8 @@ pub enum UpdateRule {
     MinLayer,
     /// Every pixel ray that cuts the voxel, weighted by its length inside (Eq. 8, 9): slow, and exact.
     Ideal,
+    /// As OctoMap: one ray a reading, which frees what it passes and occupies the voxel it ends in.
+    Rays,
 }
 
 impl UpdateRule {
@@ -50,6 +53,7 @@ impl UpdateRule {
         match self {
             UpdateRule::Pyramid | UpdateRule::MinLayer => layer_of(view.t_0 as f32 / view.max_range, count)..count,
             UpdateRule::Area | UpdateRule::Ideal => 0..1,
+            UpdateRule::Rays => 0..0,
         }
     }
 
@@ -58,7 +62,7 @@ impl UpdateRule {
     pub fn finest_bounds(self) -> usize {
         match self {
             UpdateRule::Pyramid | UpdateRule::MinLayer => 0,
-            UpdateRule::Area | UpdateRule::Ideal => 1,
+            UpdateRule::Area | UpdateRule::Ideal | UpdateRule::Rays => 1,
         }
     }
 }

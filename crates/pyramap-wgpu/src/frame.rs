@@ -1,0 +1,246 @@
+//! The stages of a frame up to commit, on the device. Frames take turns in two sets of buffers: one is worked on while
+//! what was found in the other is added to the map. What lies between the stages of a frame is there once, and used in
+//! the queue's order.
+
+mod params;
+mod shot;
+mod stages;
+
+use crate::gpu::Gpu;
+use crate::timestamps::Timestamps;
+use params::{Layers, Model};
+pub use shot::Room;
+use shot::{Found, Shot};
+use stages::{TIMED, Variant};
+
+use pyramap::backend::Seen;
+use pyramap::block::{BLOCK_VOXELS, BlockKey};
+use pyramap::config::GridConfig;
+use pyramap::error::Result;
+use pyramap::ranges::range_per_depth;
+use pyramap::stats::{StageSeconds, Stopwatch};
+use pyramap::update::{Change, UpdateRule};
+use pyramap::view::View;
+use pyramap::{Depth, DepthImage, PinholeCamera, Pose};
+use pyramap_shaders::{Format, Sigma, UNIFORM};
+use std::borrow::Cow;
+use std::collections::VecDeque;
+use wgpu::{Buffer, BufferUsages};
+
+/// Frames under way.
+pub struct Frames {
+    model: Model,
+    sigma: Sigma,
+    page_blocks: usize,
+    /// The camera of the last frame, and its ranges per depth.
+    lens: Option<(PinholeCamera, Buffer)>,
+    shots: [Shot; 2],
+    /// The shots that were begun and not asked for, the earlier one first.
+    begun: VecDeque<usize>,
+    /// The shot that was last begun, and the one that was last asked for.
+    last: usize,
+    asked: usize,
+    clock: Option<Timestamps>,
+}
+
+impl Frames {
+    /// For a map's frames.
+    ///
+    /// # Errors
+    /// [`pyramap::Error::Unsupported`] for the rule `ideal`; as [`Gpu::buffer`].
+    pub fn new(gpu: &Gpu, config: &GridConfig) -> Result<Self> {
+        Self::with_room(gpu, config, Room::USUAL)
+    }
+
+    /// The same, with a given room at first.
+    ///
+    /// # Errors
+    /// As [`Frames::new`].
+    pub fn with_room(gpu: &Gpu, config: &GridConfig, room: Room) -> Result<Self> {
+        if config.update == UpdateRule::Ideal {
+            return Err(stages::not_here());
+        }
+        let model = Model::new(config);
+        let entries: &[u8] = bytemuck::cast_slice(model.table.entries());
+        let table = gpu.buffer("sensor table", entries.len() as u64, BufferUsages::STORAGE | BufferUsages::COPY_DST)?;
+        gpu.write(&table, 0, entries)?;
+        let shots = [Shot::new(gpu, &table, room)?, Shot::new(gpu, &table, room)?];
+        Ok(Self {
+            model,
+            sigma: if config.sensor_model.is_constant() { Sigma::Constant } else { Sigma::Growing },
+            page_blocks: room.page_blocks,
+            lens: None,
+            shots,
+            begun: VecDeque::new(),
+            last: 0,
+            asked: 0,
+            clock: Timestamps::new(gpu, TIMED)?,
+        })
+    }
+
+    /// Begins with a frame; at most two are begun at a time.
+    ///
+    /// # Errors
+    /// As [`Gpu::attempt`].
+    pub fn see(
+        &mut self,
+        gpu: &Gpu,
+        config: &GridConfig,
+        image: &DepthImage,
+        camera: &PinholeCamera,
+        pose: &Pose,
+    ) -> Result<()> {
+        debug_assert!(self.begun.len() < self.shots.len(), "two frames are under way");
+        let mut watch = Stopwatch::start();
+        let view = View::new(camera, pose, config.voxel_size, config.max_range);
+        let layers = params::layers(config, &view, camera.width, camera.height);
+        let lens = self.lens(gpu, camera)?;
+        let this = (self.last + 1) % self.shots.len();
+        self.make_layers(gpu, this, &layers)?;
+        let shot = &mut self.shots[this];
+        shot.buffers.range_per_depth = lens;
+        let (format, pixels) = pixels(image);
+        fit(gpu, &mut shot.buffers.depth, "depth", pixels.len())?;
+        gpu.write(&shot.buffers.depth, 0, &pixels)?;
+        (shot.frame, shot.low) = params::frame(config, &self.model, &view, &layers, &image.depth());
+        let variant = Variant { rule: config.update, sigma: self.sigma, format, layers };
+        shot.begin(gpu, variant, self.clock.as_ref())?;
+        shot.upload = watch.lap();
+        self.begun.push_back(this);
+        self.last = this;
+        Ok(())
+    }
+
+    /// What the frame begun first does to blocks; waits for it.
+    ///
+    /// # Errors
+    /// As [`Gpu::read`]; the frame is given up then.
+    pub fn seen(&mut self, gpu: &Gpu, seen: &mut Seen) -> Result<()> {
+        let this = self.begun.pop_front().expect("a frame was begun");
+        let mut watch = Stopwatch::start();
+        let (shot, clock) = (&mut self.shots[this], self.clock.as_ref());
+        let (low, [_, rows, depth, _]) = (shot.low, shot.frame.blocks);
+        let key = |block: u32| -> BlockKey {
+            let at = [block / depth / rows, block / depth % rows, block % depth];
+            std::array::from_fn(|axis| low[axis] + at[axis] as i32)
+        };
+        let mut kernels = None;
+        shot.finish(gpu, clock, |Found { free, mixed, changes, timestamps }| {
+            seen.culled.free.clear();
+            seen.culled.free.extend(free.iter().map(|&block| key(block)));
+            seen.culled.mixed.clear();
+            seen.culled.mixed.extend(mixed.iter().map(|&block| key(block)));
+            seen.changes.clear();
+            seen.changes.extend(changes.iter().map(change));
+            kernels = clock.map(|clock| clock.seconds(timestamps).collect::<Vec<_>>());
+        })?;
+        seen.seconds = seconds(shot.upload, kernels.as_deref(), watch.lap());
+        self.asked = this;
+        Ok(())
+    }
+
+    /// Gives up the frames that were begun and not asked for.
+    pub fn forget(&mut self) {
+        self.begun.clear();
+    }
+
+    /// The increments of the mixed blocks of the frame last asked for, page by page.
+    pub fn increments(&self) -> &[Buffer] {
+        &self.shots[self.asked].buffers.increments
+    }
+
+    /// Blocks in each page of increments; the last may have fewer.
+    pub fn blocks_per_page(&self) -> usize {
+        self.page_blocks
+    }
+
+    /// The ranges per depth of a camera, kept from frame to frame.
+    fn lens(&mut self, gpu: &Gpu, camera: &PinholeCamera) -> Result<Buffer> {
+        if let Some((_, buffer)) = self.lens.as_ref().filter(|(known, _)| known == camera) {
+            return Ok(buffer.clone());
+        }
+        let values: Vec<f32> = range_per_depth(camera).collect();
+        let padded = rows_of_pairs(&values, camera.width);
+        let bytes: &[u8] = bytemuck::cast_slice(&padded);
+        // A new buffer, since frames of the other camera may be under way.
+        let buffer = gpu.buffer("a lens", bytes.len() as u64, BufferUsages::STORAGE | BufferUsages::COPY_DST)?;
+        gpu.write(&buffer, 0, bytes)?;
+        self.lens = Some((*camera, buffer.clone()));
+        Ok(buffer)
+    }
+
+    /// Makes what lies between the stages large enough. Both shots share it.
+    fn make_layers(&mut self, gpu: &Gpu, this: usize, layers: &Layers) -> Result<()> {
+        let texel = match self.sigma {
+            Sigma::Constant => size_of::<f32>(),
+            Sigma::Growing => size_of::<[f32; 2]>(),
+        };
+        let other = self.shots[self.last].buffers.clone();
+        let buffers = &mut self.shots[this].buffers;
+        (buffers.scratch, buffers.surfaces, buffers.bounds) = (other.scratch, other.surfaces, other.bounds);
+        fit(gpu, &mut buffers.scratch, "parts of windows", size_of::<f32>() * layers.num_parts.max(1))?;
+        fit(gpu, &mut buffers.surfaces, "surfaces", texel * layers.num_texels)?;
+        fit(gpu, &mut buffers.bounds, "bounds", size_of::<[f32; 2]>() * layers.num_cells)
+    }
+}
+
+/// Makes a buffer anew if it is too small.
+fn fit(gpu: &Gpu, buffer: &mut Buffer, label: &str, bytes: usize) -> Result<()> {
+    if buffer.size() < bytes as u64 {
+        let usage = BufferUsages::STORAGE | BufferUsages::COPY_DST | BufferUsages::COPY_SRC;
+        *buffer = gpu.buffer(label, bytes as u64, usage)?;
+    }
+    Ok(())
+}
+
+/// The pixels as shaders read them: an even number to each row, the last one without a reading if need be.
+fn pixels<'a>(image: &DepthImage<'a>) -> (Format, Cow<'a, [u8]>) {
+    fn bytes<T: bytemuck::Pod>(values: Cow<[T]>) -> Cow<[u8]> {
+        match values {
+            Cow::Borrowed(values) => Cow::Borrowed(bytemuck::cast_slice(values)),
+            Cow::Owned(values) => Cow::Owned(bytemuck::cast_slice(&values).to_vec()),
+        }
+    }
+    let width = image.width();
+    match image.depth() {
+        Depth::U16 { values, .. } => (Format::U16, bytes(rows_of_pairs(values, width))),
+        Depth::F32(values) => (Format::F32, bytes(rows_of_pairs(values, width))),
+        Depth::F64(values) => {
+            let values: Vec<f32> = values.iter().map(|&depth| depth as f32).collect();
+            (Format::F32, Cow::Owned(bytemuck::cast_slice(&rows_of_pairs(&values, width)).to_vec()))
+        }
+    }
+}
+
+fn rows_of_pairs<T: Copy + Default>(values: &[T], width: usize) -> Cow<'_, [T]> {
+    if width % 2 == 0 {
+        return Cow::Borrowed(values);
+    }
+    Cow::Owned(values.chunks(width).flat_map(|row| row.iter().copied().chain([T::default()])).collect())
+}
+
+fn change(&[voxels, increment]: &[u32; 2]) -> Change {
+    match (voxels, increment as i32) {
+        (UNIFORM, 0) => Change::None,
+        (UNIFORM, increment) => Change::Uniform(increment),
+        (voxels, _) => {
+            debug_assert!(voxels as usize <= BLOCK_VOXELS);
+            Change::Dense { voxels }
+        }
+    }
+}
+
+/// Sorts the time of a frame by stage. Without a clock on the device all that the host waited is `update`'s.
+fn seconds(upload: f64, kernels: Option<&[f64]>, waited: f64) -> StageSeconds {
+    let of_host = StageSeconds { upload, ..StageSeconds::default() };
+    match kernels {
+        Some(&[ranges, pyramid, cull, update]) => {
+            let readback = (waited - (ranges + pyramid + cull + update)).max(0.0);
+            StageSeconds { ranges, pyramid, cull, update, readback, ..of_host }
+        }
+        _ => StageSeconds { update: waited, ..of_host },
+    }
+}
+
+#[cfg(test)]
+mod tests;

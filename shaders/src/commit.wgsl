@@ -1,0 +1,69 @@
+// Stage 5, commit: increments are added to the blocks of the map. A workgroup has an addition, and with it a block.
+
+/// Counts, and the blocks that have one value from now on.
+struct Outcome {
+    lost: atomic<u32>,
+    uniform_blocks: atomic<u32>,
+    words: array<u32>,
+}
+
+var<workgroup> lowest: atomic<i32>;
+var<workgroup> highest: atomic<i32>;
+var<workgroup> lost: atomic<u32>;
+
+const MOST: i32 = 0x7fffffff;
+const LEAST: i32 = -MOST - 1;
+
+@compute @workgroup_size(64)
+fn commit(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) invocation: u32) {
+    let place = run.first + group.x;
+    let addition = additions[place];
+    let page = addition.block / run.page_blocks;
+    let block = BLOCK_VOXELS * (addition.block % run.page_blocks);
+    if invocation == 0u {
+        atomicStore(&lowest, MOST);
+        atomicStore(&highest, LEAST);
+    }
+    workgroupBarrier();
+
+    var low = MOST;
+    var high = LEAST;
+    var overflows = 0u;
+    for (var voxel = invocation; voxel < BLOCK_VOXELS; voxel += 64u) {
+        var value = addition.base;
+        if (addition.kind & FROM_BASE) == 0u {
+            value = load(page, block + voxel);
+        }
+        var increment = addition.source;
+        if (addition.kind & SAME_FOR_ALL) == 0u {
+            increment = increments[BLOCK_VOXELS * u32(addition.source) + voxel];
+        }
+        increment *= run.sign;
+        var sum = value + increment;
+        // Sums wrap: one that has a sign that neither of its parts has is too large, or too small, for 32 bits.
+        if ((value ^ sum) & (increment ^ sum)) < 0 {
+            sum = select(MOST, LEAST, value < 0);
+            overflows += 1u;
+        }
+        sum = clamp(sum, run.low, run.high);
+        store(page, block + voxel, sum);
+        low = min(low, sum);
+        high = max(high, sum);
+    }
+
+    atomicMin(&lowest, low);
+    atomicMax(&highest, high);
+    atomicAdd(&lost, overflows);
+    workgroupBarrier();
+    if invocation == 0u {
+        let value = atomicLoad(&lowest);
+        if value == atomicLoad(&highest) {
+            let at = 2u * atomicAdd(&outcome.uniform_blocks, 1u);
+            outcome.words[at] = place;
+            outcome.words[at + 1u] = bitcast<u32>(value);
+        }
+        if atomicLoad(&lost) > 0u {
+            atomicAdd(&outcome.lost, atomicLoad(&lost));
+        }
+    }
+}
