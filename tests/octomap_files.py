@@ -85,13 +85,23 @@ def _walk_ot(data: bytes) -> Iterator[tuple[Leaf | None, int]]:
         stack += [(_child(first, edge, n), edge // 2) for n in reversed(range(8)) if children >> n & 1]
 
 
-def voxels(octree: Octree) -> dict[Voxel, float]:
+def voxels(leaves: list[Leaf]) -> dict[Voxel, float]:
     """All voxels of all leaves."""
     found = {}
-    for (x, y, z), edge, value in octree.leaves:
+    for (x, y, z), edge, value in leaves:
         for n in np.ndindex(edge, edge, edge):
             found[x + n[0], y + n[1], z + n[2]] = value
     return found
+
+
+def voxels_of_pyoctomap(tree: Any) -> dict[Voxel, float]:
+    """Log-odds of all voxels of a tree of OctoMap itself."""
+    res, leaves = tree.getResolution(), []
+    for leaf in tree.begin_leafs():
+        edge = 1 << 16 - leaf.getDepth()
+        x, y, z = (round(c / res - edge / 2) for c in leaf.getCoordinate())
+        leaves.append(Leaf((x, y, z), edge, leaf.current_node.getLogOdds()))
+    return voxels(leaves)
 
 
 def known(grid: pm.OccupancyGrid) -> dict[Voxel, float]:
@@ -144,4 +154,5 @@ def bt_file(tree: dict[int, Tree], res: float = 0.1, size: int | None = None) ->
 
 
 def centres(voxels: NDArray[np.int64], voxel_size: float) -> NDArray[np.float64]:
-    return (voxels + 0.5) * voxel_size
+    """World points, metres."""
+    return np.asarray((voxels + 0.5) * voxel_size, np.float64)

@@ -47,6 +47,17 @@ def test_whole_sequences_stand_beside_the_paper(tmp_path: Path) -> None:
     assert all(run["frames"] == 2 and run["seconds"] > 0 for run in runs)
 
 
+def test_distance_fields_are_timed_beside_scipy(tmp_path: Path) -> None:
+    options = ["--data", "office", "--frames", "9", "--rounds", "2", "--threads", "1", "--voxel-size", str(VOXEL_SIZE)]
+    said = run("peers.distance", *options, "--out", tmp_path)
+    assert "whole / scipy" in said
+    results = json.loads((tmp_path / "distance.json").read_text())
+    assert [times["unknown"] for times in results["times"]] == ["free", "occupied"]
+    for times in results["times"]:
+        assert all(len(times[what]) == 2 and min(times[what]) > 0 for what in ("scipy", "whole", "dense", "update"))
+    assert all(len(updates) == 9 for updates in results["updates_while_mapping"].values())
+
+
 def run(module: str, *arguments: object) -> str:
     """Runs `python -m module` with benches/ on the path and returns what it wrote."""
     command = [sys.executable, "-m", module, *map(str, arguments)]

@@ -13,6 +13,7 @@ EXAMPLES = Path(__file__).parents[1] / "examples"
 
 SMALL = {
     "area_sampling.py": ["--quick"],
+    "explore.py": ["--views", "16"],
     "first_map.py": ["--frames", "4"],
     "correct_a_pose.py": ["--frames", "4"],
     "loop_closure.py": ["--frames", "16"],
@@ -73,6 +74,13 @@ def test_area_sampling() -> None:
         assert int(texels) == 8
         assert 0.0 < float(mean) < float(p99)
         assert float(times_smaller) > 7.0  # of a single view; `test_area.py` holds several to the aim
+
+
+def test_explore(tmp_path: Path) -> None:
+    lines = run("explore.py", "--folder", str(tmp_path)).splitlines()
+    seen = {line[:12].strip(): float(line.split("%")[-2]) for line in lines if "%" in line}
+    assert seen["view gain"] > 1.3 * max(seen["nearest"], seen["random"])
+    assert (tmp_path / "explore.png").read_bytes().startswith(b"\x89PNG")
 
 
 def test_every_example_is_run_here() -> None:

@@ -101,8 +101,8 @@ def test_large_clusters_are_divided(voxels_long: int) -> None:
     assert all(np.ptp(voxels, axis=0).max() < voxels_long for voxels in parts.voxels)
     whole = grid.frontiers(min_size=10)
     assert len(parts) > len(whole)
-    every = [np.unique(np.concatenate(found.voxels), axis=0) for found in (parts, whole)]
-    np.testing.assert_array_equal(*every)
+    every_part, every_whole = (np.unique(np.concatenate(found.voxels), axis=0) for found in (parts, whole))
+    np.testing.assert_array_equal(every_part, every_whole)
     assert sum(parts.size) == sum(whole.size)
     np.testing.assert_allclose(sum(parts.area), sum(whole.area), rtol=1e-12)
 

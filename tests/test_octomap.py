@@ -24,8 +24,10 @@ from octomap_files import (
     read_nodes,
     read_octree,
     voxels,
+    voxels_of_pyoctomap,
 )
 from real_data import real
+from shell import json_of, png_bytes, run, write_office
 
 UNIT = 2.0**-12
 OCTOMAP_LIMITS = (math.log(0.1192 / 0.8808), math.log(0.971 / 0.029))
@@ -71,7 +73,7 @@ def test_known_maps(
     values = np.array([leaf.value for leaf in octree.leaves])
     assert (octree.nodes, len(octree.leaves)) == (nodes, leaves)
     if free is not None:
-        assert (np.count_nonzero(values < 0), np.count_nonzero(values > 0)) == (free, occupied)
+        assert [int((values < 0).sum()), int((values > 0).sum())] == [free, occupied]
 
     grid = pm.load_octomap(path)
     assert grid.voxel_size == res
@@ -92,7 +94,7 @@ def test_known_maps(
         assert nodes_of(again.read_bytes()) == nodes_of(path.read_bytes())
     else:
         # This file was not pruned after its probabilities had been rounded off to states.
-        assert voxels(read_octree(again.read_bytes())) == voxels(octree)
+        assert voxels(read_octree(again.read_bytes()).leaves) == voxels(octree.leaves)
         assert again.stat().st_size < path.stat().st_size
 
 
@@ -133,7 +135,7 @@ def test_a_leaf_may_not_fill_the_memory(tree: Tree, tmp_path: Path) -> None:
     files = [ot_file(tree), bt_file(tree)] if isinstance(tree, dict) else [ot_file(tree)]
     blocks = 8192**3 >> 3 * (count(tree) - 1)
     for file in files:
-        with pytest.raises(OSError, match=f"some.tree: its leaves come to {blocks} blocks .*, expected at most 16777216"):
+        with pytest.raises(OSError, match=f": its leaves come to {blocks} blocks .*, expected at most 16777216"):
             load(file, tmp_path)
 
 
@@ -141,18 +143,17 @@ def test_a_leaf_may_not_fill_the_memory(tree: Tree, tmp_path: Path) -> None:
 def test_states_are_those_of_octomap(prior: float, tmp_path: Path) -> None:
     """Around 0, where OctoMap knows no unknown; and a map with another prior writes sums that others see as it does."""
     steps = [-1.0, -0.5, -0.25, -1e-9, 0.0, -0.0, 1e-9, 0.25, 0.5, 1.0]
-    tree = {n: {m: value for m, value in enumerate(steps[5 * n : 5 * n + 5])} for n in range(2)}
-    tree = {n: {m: value * UNIT for m, value in values.items()} for n, values in tree.items()}
-    loaded = load(ot_file(down([0] * 14, tree)), tmp_path)  # type: ignore[arg-type]
+    tree: Tree = {n: {m: UNIT * steps[5 * n + m] for m in range(5)} for n in range(2)}
+    loaded = load(ot_file(down([0] * 14, tree)), tmp_path)
     octree = read_octree((tmp_path / "some.tree").read_bytes())
     assert len(octree.leaves) == len(steps)
-    for voxel, value in voxels(octree).items():
+    for voxel, value in voxels(octree.leaves).items():
         point = centres(np.array([voxel]), 0.1)
         assert loaded.state(point) == (value >= 0)
         assert abs(loaded.log_odds(point) - value) <= UNIT
 
     ours = map_of(random_frames(1, seed=3), voxel_size=0.1, prior=prior)
-    written = voxels(save(ours, tmp_path / "ours.ot"))
+    written = voxels(save(ours, tmp_path / "ours.ot").leaves)
     assert written.keys() == known(ours).keys()
     states = ours.state(centres(np.array(list(written)), 0.1))
     np.testing.assert_array_equal(states, np.array(list(written.values())) >= 0)
@@ -163,7 +164,7 @@ def test_states_are_those_of_octomap(prior: float, tmp_path: Path) -> None:
 
 def test_log_odds_come_back(grid: pm.OccupancyGrid, tmp_path: Path) -> None:
     octree = save(grid, tmp_path / "map.ot")
-    assert voxels(octree) == known(grid)
+    assert voxels(octree.leaves) == known(grid)
     assert {leaf.edge for leaf in octree.leaves} >= {1, 2, 4}
     loaded = pm.load_octomap(tmp_path / "map.ot")
     np.testing.assert_array_equal(loaded.block_coords(), grid.block_coords())
@@ -175,7 +176,7 @@ def test_log_odds_come_back(grid: pm.OccupancyGrid, tmp_path: Path) -> None:
 def test_states_come_back(grid: pm.OccupancyGrid, tmp_path: Path) -> None:
     octree = save(grid, tmp_path / "map.BT")
     states = {voxel: 1 if value > 0 else -1 for voxel, value in known(grid).items()}
-    assert voxels(octree) == states
+    assert voxels(octree.leaves) == states
     loaded = known(pm.load_octomap(tmp_path / "map.BT"))
     assert {voxel: 1 if value > 0 else -1 for voxel, value in loaded.items()} == states
 
@@ -226,6 +227,30 @@ def test_a_loaded_map_can_be_gone_on_with(grid: pm.OccupancyGrid, tmp_path: Path
     assert known(other) == known(expected)
 
 
+# ---- the shell ----
+
+
+def test_the_shell_takes_them_too(tmp_path: Path) -> None:
+    office = write_office(tmp_path / "office")
+    paths = {ending: tmp_path / f"office{ending}" for ending in (".pmap", ".ot", ".bt")}
+    found = {}
+    for ending, path in paths.items():
+        run("map", office, "-r", "0.2", "-o", path, "--backend", "cpu")
+        found[ending] = json_of(run("info", path, "--json"))["map"]
+    for ending in (".ot", ".bt"):
+        for name in ("voxel_size", "voxels_free", "voxels_occupied", "bounds", "blocks"):
+            assert found[ending][name] == found[".pmap"][name], (ending, name)
+    run("slice", paths[".bt"], "-o", tmp_path / "slice.png")
+    assert png_bytes(tmp_path / "slice.png").any()
+    ours, theirs = (
+        json_of(run("mesh", paths[ending], "-o", tmp_path / f"m{ending}.ply", "--backend", "cpu", "--json"))["mesh"]
+        for ending in (".pmap", ".ot")
+    )
+    assert ours == theirs
+    (tmp_path / "damaged.bt").write_bytes(paths[".bt"].read_bytes()[:-1])
+    assert "damaged.bt: cut off among its nodes" in run("info", tmp_path / "damaged.bt", code=1).stderr
+
+
 # ---- errors ----
 
 
@@ -238,14 +263,13 @@ def test_an_ending_that_is_no_format(grid: pm.OccupancyGrid, tmp_path: Path) -> 
 
 def test_a_map_beyond_the_keys(tmp_path: Path) -> None:
     frame = random_frames(1, seed=5)[0]
-    far = frame._replace(world_from_camera=frame.world_from_camera + np.diag([0, 0, 0], 1) * 0)
     for x, inside in ((3270.0, True), (3277.0, False), (-3273.0, True), (-3278.0, False)):
-        far.world_from_camera[0, 3] = x
-        grid = map_of([far], voxel_size=0.1)
+        frame.world_from_camera[0, 3] = x
+        grid = map_of([frame], voxel_size=0.1)
         path = tmp_path / "far.bt"
         path.write_bytes(b"what was there")
         if inside:
-            assert voxels(save(grid, path)).keys() == known(grid).keys()
+            assert voxels(save(grid, path).leaves).keys() == known(grid).keys()
             continue
         with pytest.raises(ValueError, match=r"voxel \[.*\] lies beyond OctoMap's keys of 16 bits, .* -32768 to 32767"):
             grid.save_octomap(path)
@@ -257,7 +281,7 @@ def test_files_that_cannot_be_reached(grid: pm.OccupancyGrid, tmp_path: Path) ->
         pm.load_octomap(tmp_path / "none.bt")
     with pytest.raises(FileNotFoundError, match="no_folder"):
         grid.save_octomap(tmp_path / "no_folder" / "map.bt")
-    with pytest.raises(ValueError, match="backend is \"abacus\""):
+    with pytest.raises(ValueError, match='backend is "abacus"'):
         pm.load_octomap(tmp_path / "none.bt", backend="abacus")  # type: ignore[arg-type]
     with pytest.raises(ValueError, match="clamp"):
         load(ot_file(down([0] * 16, 1.0)), tmp_path, clamp=(1.0, 2.0))
@@ -308,7 +332,7 @@ def test_cut_off_anywhere(ending: str, tmp_path: Path) -> None:
     file = path.read_bytes()
     assert 200 < len(file) < 20_000
     for length in range(len(file)):
-        with pytest.raises(OSError, match="some.tree: "):
+        with pytest.raises(OSError, match=r"some\.tree: "):
             load(file[:length], tmp_path)
 
 
@@ -326,7 +350,7 @@ def test_flipped_bits(ending: str, tmp_path: Path) -> None:
         try:
             loaded = load(bytes(damaged), tmp_path)
         except OSError as error:
-            assert "some.tree: " in str(error)  # noqa: PT017
+            assert "some.tree: " in str(error)
             refused += 1
         else:
             leaves, _ = read_nodes(bytes(damaged[start:]), binary=ending == ".bt")
@@ -337,25 +361,13 @@ def test_flipped_bits(ending: str, tmp_path: Path) -> None:
 # ---- OctoMap itself ----
 
 
-def octomap_voxels(tree: Any) -> dict[tuple[int, ...], float]:
-    """Log-odds of all voxels of a tree of pyoctomap."""
-    res, found = tree.getResolution(), {}
-    for leaf in tree.begin_leafs():
-        edge = 1 << 16 - leaf.getDepth()
-        low = [round(c / res - edge / 2) for c in leaf.getCoordinate()]
-        value = leaf.current_node.getLogOdds()
-        for n in np.ndindex(edge, edge, edge):
-            found[tuple(a + b for a, b in zip(low, n, strict=True))] = value
-    return found
-
-
 def test_octomap_reads_what_we_write(grid: pm.OccupancyGrid, tmp_path: Path) -> None:
     pyoctomap = pytest.importorskip("pyoctomap", reason="pyoctomap, OctoMap itself, is not installed")
     grid.save_octomap(tmp_path / "map.ot")
     grid.save_octomap(tmp_path / "map.bt")
     full = pyoctomap.OcTree(0.1).read(str(tmp_path / "map.ot"))
     assert full.getResolution() == 0.06
-    assert octomap_voxels(full) == known(grid)
+    assert voxels_of_pyoctomap(full) == known(grid)
     # It computes inner nodes and prunes as we do.
     full.updateInnerOccupancy()
     full.write(str(tmp_path / "theirs.ot"))
@@ -363,7 +375,7 @@ def test_octomap_reads_what_we_write(grid: pm.OccupancyGrid, tmp_path: Path) -> 
 
     binary = pyoctomap.OcTree(0.1)
     assert binary.readBinary(str(tmp_path / "map.bt"))
-    states = {voxel: value > 0 for voxel, value in octomap_voxels(binary).items()}
+    states = {voxel: value > 0 for voxel, value in voxels_of_pyoctomap(binary).items()}
     assert states == {voxel: value > 0 for voxel, value in known(grid).items()}
     binary.writeBinary(str(tmp_path / "theirs.bt"))
     assert (tmp_path / "theirs.bt").read_bytes() == (tmp_path / "map.bt").read_bytes()
@@ -376,7 +388,7 @@ def test_we_read_what_octomap_writes(tmp_path: Path) -> None:
         tree = make(0.1)
         tree.insertPointCloud(points, np.array([0.05, -0.31, 0.12]), max_range=3.0)
         tree.write(str(tmp_path / "theirs.ot"))
-        loaded, theirs = known(pm.load_octomap(tmp_path / "theirs.ot")), octomap_voxels(tree)
+        loaded, theirs = known(pm.load_octomap(tmp_path / "theirs.ot")), voxels_of_pyoctomap(tree)
         assert loaded.keys() == theirs.keys()
         assert max(abs(loaded[voxel] - theirs[voxel]) for voxel in theirs) <= UNIT / 2
         tree.writeBinary(str(tmp_path / "theirs.bt"))

@@ -28,14 +28,17 @@ def default_data() -> str:
     return str(kitchen) if kitchen.is_dir() else OFFICE
 
 
+def open_frames(data: str) -> tuple[str, Frames]:
+    """The frames of a data set in this folder, or of the office, and what they are called."""
+    if data == OFFICE:
+        return "office loop (simulated)", pm.scenes.office_loop().frames(noise=OFFICE_NOISE)
+    frames = pm.datasets.open(data)
+    return frames.name, frames
+
+
 def record(data: str, path: Path, count: int | None = None) -> FrameFile:
     """Decodes or renders `count` frames spread evenly over the sequence (None: all) into the file `path`."""
-    frames: Frames
-    if data == OFFICE:
-        name, frames = "office loop (simulated)", pm.scenes.office_loop().frames(noise=OFFICE_NOISE)
-    else:
-        frames = pm.datasets.open(data)
-        name = frames.name
+    name, frames = open_frames(data)
     total = len(frames)
     indices = np.linspace(0, total, min(count or total, total), endpoint=False).astype(int)
     return write(name, _plain(frames, indices), path)

@@ -8,9 +8,11 @@ right, y down, z forward; integer pixel coordinates are pixel centres; depth is 
 from . import datasets, scenes
 from ._core import (
     OCTOMAP_CLAMP,
+    Device,
     DeviceError,
     DeviceLostError,
     DeviceMemoryError,
+    DistanceField,
     FrameStats,
     Frontiers,
     MapFullError,
@@ -21,6 +23,7 @@ from ._core import (
     SensorModel,
     ViewGain,
     __version__,
+    devices,
     load_octomap,
     num_threads,
     pyramid,
@@ -30,9 +33,11 @@ from ._core import (
 
 __all__ = [
     "OCTOMAP_CLAMP",
+    "Device",
     "DeviceError",
     "DeviceLostError",
     "DeviceMemoryError",
+    "DistanceField",
     "FrameStats",
     "Frontiers",
     "MapFullError",
@@ -44,6 +49,7 @@ __all__ = [
     "ViewGain",
     "__version__",
     "datasets",
+    "devices",
     "load_octomap",
     "num_threads",
     "pyramid",

@@ -12,6 +12,7 @@ __all__ = [
     "DeviceError",
     "DeviceLostError",
     "DeviceMemoryError",
+    "DistanceField",
     "FrameStats",
     "Frontiers",
     "MapFullError",
@@ -23,8 +24,8 @@ __all__ = [
     "SensorModel",
     "ViewGain",
     "__version__",
-    "load_octomap",
     "devices",
+    "load_octomap",
     "num_threads",
     "pyramid",
     "ranges",
@@ -38,6 +39,7 @@ _Update: TypeAlias = Literal["pyramid", "area", "min_layer", "ideal", "rays"]
 _Backend: TypeAlias = Literal["auto", "cpu", "gpu"]
 _BeyondMaxRange: TypeAlias = Literal["free", "ignore"]
 _Interpolation: TypeAlias = Literal["nearest", "trilinear"]
+_UnknownAs: TypeAlias = Literal["free", "occupied"]
 
 __version__: str
 OCTOMAP_CLAMP: tuple[float, float]
@@ -169,6 +171,7 @@ class OccupancyGrid:
         unknown: Literal["occupied", "free"] = "occupied",
     ) -> NDArray[np.bool_]: ...
     def dense(self, region: ArrayLike) -> tuple[NDArray[np.float32], NDArray[np.int32]]: ...
+    def distance_field(self, max_distance: float, unknown: _UnknownAs = "free") -> DistanceField: ...
     def occupied_voxels(self) -> NDArray[np.int32]: ...
     def free_voxels(self) -> NDArray[np.int32]: ...
     def unknown_voxels_next_to_free(self) -> NDArray[np.int32]: ...
@@ -233,6 +236,21 @@ class FrameStats:
     def seconds(
         self,
     ) -> dict[Literal["upload", "ranges", "pyramid", "cull", "update", "readback", "commit"], float]: ...
+
+@final
+class DistanceField:
+    def distance(self, points: ArrayLike, interpolation: _Interpolation = "nearest") -> NDArray[np.float32]: ...
+    def gradient(self, points: ArrayLike) -> NDArray[np.float32]: ...
+    def dense(self, region: ArrayLike) -> tuple[NDArray[np.float32], NDArray[np.int32]]: ...
+    def update(self) -> int: ...
+    @property
+    def max_distance(self) -> float: ...
+    @property
+    def voxel_size(self) -> float: ...
+    @property
+    def unknown(self) -> _UnknownAs: ...
+    @property
+    def nbytes(self) -> int: ...
 
 @final
 class Frontiers:

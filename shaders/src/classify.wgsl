@@ -91,14 +91,14 @@ fn rectangle_bounds(layer: u32, low: vec2<f32>, high: vec2<f32>) -> vec2<f32> {
     let y = vec2(texel(low.y * scale - 0.5, last.y), texel(high.y * scale - 0.5 + REACH, last.y));
     let extent = max(x.y - x.x, y.y - y.x);
     let level = clamp(firstLeadingBit(extent | 1u), 1u, coarsest_bounds(layer));
-    let begin = bounds_of(layer, level);
-    let width = frame.halved[layer + level].width;
-    var found = NO_BOUNDS;
-    for (var row = 0u; row < 3u; row++) {
-        let at = begin + min((y.x >> level) + row, y.y >> level) * width;
-        for (var column = 0u; column < 3u; column++) {
-            found = union_of(found, bounds[at + min((x.x >> level) + column, x.y >> level)]);
-        }
-    }
-    return found;
+    // The last cell is read again where there are fewer than three.
+    let columns = min(vec3(x.x >> level) + vec3(0u, 1u, 2u), vec3(x.y >> level));
+    let rows = min(vec3(y.x >> level) + vec3(0u, 1u, 2u), vec3(y.y >> level));
+    let begins = bounds_of(layer, level) + rows * frame.halved[layer + level].width;
+    let upper = row_bounds(begins.x + columns);
+    return union_of(upper, union_of(row_bounds(begins.y + columns), row_bounds(begins.z + columns)));
+}
+
+fn row_bounds(at: vec3<u32>) -> vec2<f32> {
+    return union_of(bounds[at.x], union_of(bounds[at.y], bounds[at.z]));
 }

@@ -1,15 +1,13 @@
 // Stage 5, commit: increments are added to the blocks of the map. A workgroup has an addition, and with it a block.
 
-/// Counts, and the blocks that have one value from now on.
+/// What the host reads; all zero at first.
 struct Outcome {
+    /// Voxels that `i32` was too small for.
     lost: atomic<u32>,
-    uniform_blocks: atomic<u32>,
-    words: array<u32>,
+    /// For each addition the rank of the largest value in the block, and that of the smallest with all bits turned
+    /// round: both can only grow.
+    extremes: array<atomic<u32>>,
 }
-
-var<workgroup> lowest: atomic<i32>;
-var<workgroup> highest: atomic<i32>;
-var<workgroup> lost: atomic<u32>;
 
 const MOST: i32 = 0x7fffffff;
 const LEAST: i32 = -MOST - 1;
@@ -20,11 +18,6 @@ fn commit(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_ind
     let addition = additions[place];
     let page = addition.block / run.page_blocks;
     let block = BLOCK_VOXELS * (addition.block % run.page_blocks);
-    if invocation == 0u {
-        atomicStore(&lowest, MOST);
-        atomicStore(&highest, LEAST);
-    }
-    workgroupBarrier();
 
     var low = MOST;
     var high = LEAST;
@@ -51,19 +44,14 @@ fn commit(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_ind
         high = max(high, sum);
     }
 
-    atomicMin(&lowest, low);
-    atomicMax(&highest, high);
-    atomicAdd(&lost, overflows);
-    workgroupBarrier();
-    if invocation == 0u {
-        let value = atomicLoad(&lowest);
-        if value == atomicLoad(&highest) {
-            let at = 2u * atomicAdd(&outcome.uniform_blocks, 1u);
-            outcome.words[at] = place;
-            outcome.words[at + 1u] = bitcast<u32>(value);
-        }
-        if atomicLoad(&lost) > 0u {
-            atomicAdd(&outcome.lost, atomicLoad(&lost));
-        }
+    atomicMax(&outcome.extremes[2u * place], rank(high));
+    atomicMax(&outcome.extremes[2u * place + 1u], ~rank(low));
+    if overflows > 0u {
+        atomicAdd(&outcome.lost, overflows);
     }
+}
+
+/// Unsigned numbers in the order of the signed ones.
+fn rank(value: i32) -> u32 {
+    return bitcast<u32>(value) ^ SIGN;
 }

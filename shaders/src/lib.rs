@@ -37,8 +37,10 @@ pub const UNIFORM: u32 = u32::MAX;
 
 /// Words before the lists of blocks in [`Slot::Results`].
 pub const RESULT_COUNTS: usize = 2;
-/// Words before the list of blocks in [`Slot::Outcome`].
-pub const OUTCOME_COUNTS: usize = 2;
+/// The bit of a number's sign.
+const SIGN: u32 = 1 << 31;
+/// Words before those of each addition in [`Slot::Outcome`].
+pub const OUTCOME_COUNTS: usize = 1;
 /// Pages of the map that a kernel sees at a time; with three other buffers, fewer than the eight that all devices allow.
 pub const POOL_PAGES: usize = 4;
 
@@ -72,8 +74,9 @@ pub enum Slot {
     Run,
     /// [`layout::Addition`], those of a whole commit.
     Additions,
-    /// What the host reads of a commit: [`OUTCOME_COUNTS`] counts, of voxels that `i32` was too small for and of blocks
-    /// that have one value from now on; then two words for each of these, the place of the addition, and the value.
+    /// What the host reads of a commit: [`OUTCOME_COUNTS`] counts, of voxels that `i32` was too small for; then two words
+    /// for each addition, the rank ([`of_rank`]) of the largest value in the block, and that of the smallest with all bits
+    /// turned round.
     Outcome,
     /// Some pages of the map follow each other; this is the `n`-th of them.
     Pool(u32),
@@ -200,6 +203,11 @@ pub fn update(rule: UpdateRule, sigma: Sigma) -> Option<Kernel> {
     Some(kernel("update", &[], &buffers, &files))
 }
 
+/// The number of a rank: ranks are unsigned, in the order of the signed numbers.
+pub const fn of_rank(rank: u32) -> i32 {
+    (rank ^ SIGN) as i32
+}
+
 /// Adds to the blocks of [`POOL_PAGES`] pages of the map.
 pub fn commit() -> Kernel {
     let pages = 0..POOL_PAGES as u32;
@@ -274,7 +282,12 @@ impl Access {
 }
 
 /// Puts a kernel's source together.
-fn kernel<File: AsRef<str>>(entry: &'static str, numbers: &[(&str, u32)], buffers: &[Access], files: &[File]) -> Kernel {
+fn kernel<File: AsRef<str>>(
+    entry: &'static str,
+    numbers: &[(&str, u32)],
+    buffers: &[Access],
+    files: &[File],
+) -> Kernel {
     let mut source = constants();
     for (name, number) in numbers {
         source += &format!("const {name}: u32 = {number}u;\n");
@@ -315,6 +328,7 @@ fn constants() -> String {
         ("CULL_GROUP", CULL_GROUP as usize),
         ("ARGUMENTS_GROUP", ARGUMENTS_GROUP),
         ("PAIRS", layout::PAIRS),
+        ("SIGN", SIGN as usize),
         ("FROM_BASE", layout::FROM_BASE as usize),
         ("SAME_FOR_ALL", layout::SAME_FOR_ALL as usize),
     ] {

@@ -21,6 +21,12 @@ fn with_range(around: Around, range: f32, t: vec4<f32>) -> Around {
     return Around(below, above);
 }
 
+/// With four others.
+fn with_ranges(around: Around, ranges: vec4<f32>, t: vec4<f32>) -> Around {
+    let upper = with_range(with_range(around, ranges.x, t), ranges.y, t);
+    return with_range(with_range(upper, ranges.z, t), ranges.w, t);
+}
+
 /// The nearest to each distance, the smaller of two that are equally near; 0 where there is none.
 fn nearest(around: Around, t: vec4<f32>) -> vec4<f32> {
     let take_above = (around.below <= vec4(0.0)) | (around.above - t < t - around.below);

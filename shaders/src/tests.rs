@@ -48,7 +48,9 @@ fn every_shader_is_valid_and_uses_what_it_is_bound_to() {
 
         let used = |space: fn(&AddressSpace) -> bool| {
             let globals = module.global_variables.iter();
-            globals.filter(|(handle, _)| !info.get_entry_point(0)[*handle].is_empty()).filter(move |(_, v)| space(&v.space))
+            globals
+                .filter(|(handle, _)| !info.get_entry_point(0)[*handle].is_empty())
+                .filter(move |(_, v)| space(&v.space))
         };
         // A binding that is not used would be missing from the pipeline's own layout.
         let bound: HashSet<_> = used(|_| true).filter_map(|(_, v)| v.binding).map(|b| (b.group, b.binding)).collect();
@@ -69,7 +71,10 @@ fn structs_lie_as_in_rust() {
         }
     };
     let layouts = layout::layouts();
-    assert_eq!(layouts.iter().map(|(name, ..)| *name).collect::<Vec<_>>(), ["Cube", "Halved", "Frame", "Addition", "Run", "Page"]);
+    assert_eq!(
+        layouts.iter().map(|(name, ..)| *name).collect::<Vec<_>>(),
+        ["Cube", "Halved", "Frame", "Addition", "Run", "Page"]
+    );
     for (name, size, fields) in layouts {
         let (members, span) = in_wgsl(name);
         assert_eq!(span as usize, size, "{name}");

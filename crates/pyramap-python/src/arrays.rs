@@ -87,8 +87,7 @@ pub fn poses(poses: &Bound<'_, PyAny>) -> PyResult<Vec<Pose>> {
     }
     let pose = |(n, values): (usize, &[f64; 16])| {
         let rows = std::array::from_fn(|r| std::array::from_fn(|c| values[4 * r + c]));
-        Pose::from_rows(&rows)
-            .map_err(|error| PyValueError::new_err(format!("poses[{n}] as a {error}")))
+        Pose::from_rows(&rows).map_err(|error| PyValueError::new_err(format!("poses[{n}] as a {error}")))
     };
     values.as_chunks().0.iter().enumerate().map(pose).collect()
 }

@@ -15,6 +15,7 @@ use pyramap::block::BLOCK_EDGE;
 use pyramap::mesh::MeshOptions;
 use pyramap::{BeyondMaxRange, GridConfig, Pose, UpdateRule};
 use std::path::PathBuf;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
 
 /// A sparse map of log-odds out of depth images: what is free, what is occupied, and what nobody has seen.
@@ -33,7 +34,10 @@ use std::sync::{Arc, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
 ///     update: How a voxel's log-odd is found in the image. "pyramid": the paper's rule, two layers of a range pyramid,
 ///         interpolated (Eq. 10 to 17). "area": the mean of the log-odds at points spread in the voxel, read at full
 ///         resolution. "min_layer": one layer of least ranges, interpolated (after Andert 2009). "ideal": all rays that
-///         cut the voxel, weighted by their length in it (Eq. 8 and 9): exact and slow.
+///         cut the voxel, weighted by their length in it (Eq. 8 and 9): exact and slow. "rays": as OctoMap, one ray a
+///         reading, which frees what it passes (probability 0.4) and occupies where it ends (0.7), each voxel once a
+///         frame; `sensor_model` is not asked, OctoMap's clamp is `OCTOMAP_CLAMP`, and `integrate_points` takes point
+///         clouds.
 ///     backend: "cpu"; "gpu", through Vulkan, Metal or DirectX 12; or "auto": a real GPU if there is one, else the CPU.
 ///         A GPU has all rules but "ideal". It agrees with the CPU within 1e-3 log-odds a frame.
 ///     clamp: `(low, high)` log-odds within which voxels are kept, so that the map follows changes quickly; one below and
@@ -49,7 +53,7 @@ use std::sync::{Arc, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
 ///     ValueError: If a parameter is out of its range; the message names it.
 ///     DeviceError: If a GPU is asked for and there is none that can be used; the message says what was found.
 #[pyclass(frozen, module = "pyramap")]
-pub struct OccupancyGrid(SharedGrid);
+pub struct OccupancyGrid(SharedGrid, AtomicU64);
 
 /// A map that its Python object and those that answer for it later share.
 pub type SharedGrid = Arc<RwLock<pyramap::OccupancyGrid>>;
@@ -71,7 +75,7 @@ pub fn parse<T: Copy>(name: &str, got: &str, words: &[(&str, T)]) -> PyResult<T>
     })
 }
 
-fn word<T: PartialEq>(value: T, words: &[(&'static str, T)]) -> &'static str {
+pub fn word<T: PartialEq>(value: T, words: &[(&'static str, T)]) -> &'static str {
     words.iter().find(|(_, other)| *other == value).expect("every value has its word").0
 }
 
@@ -81,11 +85,11 @@ pub fn count(name: &str, got: i64, expected: &str) -> PyResult<usize> {
 
 impl OccupancyGrid {
     pub fn new_shared(grid: pyramap::OccupancyGrid) -> Self {
-        Self(Arc::new(RwLock::new(grid)))
+        Self(Arc::new(RwLock::new(grid)), AtomicU64::new(0))
     }
 
     /// The map with all its frames.
-    fn read(&self) -> pyramap::Result<RwLockReadGuard<'_, pyramap::OccupancyGrid>> {
+    pub fn read(&self) -> pyramap::Result<RwLockReadGuard<'_, pyramap::OccupancyGrid>> {
         // A panic cannot leave the map half changed: all that may fail comes before the commit.
         let grid = self.0.read().unwrap_or_else(PoisonError::into_inner);
         if grid.is_synchronized() {
@@ -97,7 +101,14 @@ impl OccupancyGrid {
     }
 
     fn write(&self) -> RwLockWriteGuard<'_, pyramap::OccupancyGrid> {
-        self.0.write().unwrap_or_else(PoisonError::into_inner)
+        let grid = self.0.write().unwrap_or_else(PoisonError::into_inner);
+        self.1.fetch_add(1, Ordering::Release);
+        grid
+    }
+
+    /// How often someone has taken hold of the map to change it: as long as this stays the same, so does the map.
+    pub fn num_writes(&self) -> u64 {
+        self.1.load(Ordering::Acquire)
     }
 
     /// Asks the map without the GIL.
@@ -174,7 +185,7 @@ impl OccupancyGrid {
         beyond_max_range: &str,
         adapter: Option<String>,
     ) -> PyResult<Self> {
-        let device = Choice::parse(backend, adapter)?;
+        let device = Choice::parse(py, backend, adapter)?;
         let mut config = GridConfig::new(voxel_size).map_err(to_py)?;
         config.sensor_model = sensor_model.map_or(config.sensor_model, |model| model.0);
         config.max_range = max_range;
@@ -202,7 +213,7 @@ impl OccupancyGrid {
     #[staticmethod]
     #[pyo3(signature = (path, backend = "auto", adapter = None))]
     fn load(py: Python<'_>, path: PathBuf, backend: &str, adapter: Option<String>) -> PyResult<Self> {
-        let device = Choice::parse(backend, adapter)?;
+        let device = Choice::parse(py, backend, adapter)?;
         run(py, || pyramap::OccupancyGrid::load_on(path, |config| device.empty(config))).map(Self::new_shared)
     }
 
@@ -438,7 +449,7 @@ impl OccupancyGrid {
         self.parameter(py, |grid| grid.config().max_range)
     }
 
-    /// The update rule: "pyramid", "area", "min_layer" or "ideal".
+    /// The update rule: "pyramid", "area", "min_layer", "ideal" or "rays".
     #[getter]
     fn update(&self, py: Python<'_>) -> &'static str {
         self.parameter(py, |grid| word(grid.config().update, &UPDATES))

@@ -3,6 +3,7 @@
 mod arrays;
 mod camera;
 mod devices;
+mod distance;
 mod change;
 mod errors;
 mod explore;
@@ -25,12 +26,15 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add("DeviceError", m.py().get_type::<errors::DeviceError>())?;
     m.add("DeviceLostError", m.py().get_type::<errors::DeviceLostError>())?;
     m.add("DeviceMemoryError", m.py().get_type::<errors::DeviceMemoryError>())?;
+    m.add_class::<devices::Device>()?;
+    m.add_function(wrap_pyfunction!(devices::devices, m)?)?;
     m.add_class::<camera::PinholeCamera>()?;
     m.add_class::<sensor::SensorModel>()?;
     m.add_class::<grid::OccupancyGrid>()?;
     m.add_class::<stats::FrameStats>()?;
     m.add_class::<mesh::Mesh>()?;
     m.add_class::<queries::RayHits>()?;
+    m.add_class::<distance::DistanceField>()?;
     m.add_class::<explore::Frontiers>()?;
     m.add_class::<explore::ViewGain>()?;
     m.add("OCTOMAP_CLAMP", octomap::octomap_clamp())?;

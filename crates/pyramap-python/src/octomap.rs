@@ -45,7 +45,7 @@ pub fn load_octomap(
     clamp: Option<(f64, f64)>,
     adapter: Option<String>,
 ) -> PyResult<OccupancyGrid> {
-    let device = Choice::parse(backend, adapter)?;
+    let device = Choice::parse(py, backend, adapter)?;
     let empty = |mut config: pyramap::GridConfig| {
         config.clamp = clamp;
         device.empty(config)

@@ -10,8 +10,8 @@ use pyramap::{Interpolation, State, Unknown};
 
 /// The words for unknown space, where it is in the way of rays and where it is not, and of shapes.
 const TO_RAYS: [(&str, Unknown); 2] = [("stop", Unknown::Occupied), ("pass", Unknown::Free)];
-const TO_SHAPES: [(&str, Unknown); 2] = [("occupied", Unknown::Occupied), ("free", Unknown::Free)];
-const INTERPOLATIONS: [(&str, Interpolation); 2] =
+pub const TO_SHAPES: [(&str, Unknown); 2] = [("occupied", Unknown::Occupied), ("free", Unknown::Free)];
+pub const INTERPOLATIONS: [(&str, Interpolation); 2] =
     [("nearest", Interpolation::Nearest), ("trilinear", Interpolation::Trilinear)];
 
 #[pymethods]

@@ -167,23 +167,27 @@ fn request(adapter: &wgpu::Adapter, name: String) -> Result<Gpu> {
 
 /// That a device has what the shaders are written for: a part of WebGPU's baseline.
 pub(crate) fn check_limits(name: &str, got: &Limits) -> Result<()> {
-    let needed = Limits::default();
-    let limits: [(&str, fn(&Limits) -> u64); 7] = [
-        ("storage buffers a stage", |l| u64::from(l.max_storage_buffers_per_shader_stage)),
-        ("invocations a workgroup", |l| u64::from(l.max_compute_invocations_per_workgroup)),
-        ("invocations along x", |l| u64::from(l.max_compute_workgroup_size_x)),
-        ("bytes of workgroup memory", |l| u64::from(l.max_compute_workgroup_storage_size)),
-        ("workgroups a dimension", |l| u64::from(l.max_compute_workgroups_per_dimension)),
-        ("bytes a storage binding", |l| l.max_storage_buffer_binding_size),
-        ("bytes a buffer", |l| l.max_buffer_size),
-    ];
-    match limits.into_iter().find(|(_, limit)| limit(got) < limit(&needed)) {
+    let lower = used(got).into_iter().zip(used(&Limits::default())).find(|((_, got), (_, needed))| got < needed);
+    match lower {
         None => Ok(()),
-        Some((what, limit)) => Err(Error::Device {
+        Some(((what, got), (_, needed))) => Err(Error::Device {
             fault: DeviceFault::NotFound,
-            reason: format!("{name} allows {} {what}, expected at least {}", limit(got), limit(&needed)),
+            reason: format!("{name} allows {got} {what}, expected at least {needed}"),
         }),
     }
+}
+
+/// The limits that the shaders come near to.
+fn used(limits: &Limits) -> [(&'static str, u64); 7] {
+    [
+        ("storage buffers a stage", limits.max_storage_buffers_per_shader_stage.into()),
+        ("invocations a workgroup", limits.max_compute_invocations_per_workgroup.into()),
+        ("invocations along x", limits.max_compute_workgroup_size_x.into()),
+        ("bytes of workgroup memory", limits.max_compute_workgroup_storage_size.into()),
+        ("workgroups a dimension", limits.max_compute_workgroups_per_dimension.into()),
+        ("bytes a storage binding", limits.max_storage_buffer_binding_size),
+        ("bytes a buffer", limits.max_buffer_size),
+    ]
 }
 
 /// The place of the adapter to take: the best of its kind, the first among equals.

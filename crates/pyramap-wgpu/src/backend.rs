@@ -4,7 +4,7 @@ use crate::commit::{Commit, Increments};
 use crate::frame::{Frames, Room};
 use crate::gpu::Gpu;
 use crate::mirror::Mirror;
-use crate::pool::{PAGE_BLOCKS, Pool};
+use crate::pool::{BLOCK_BYTES, PAGE_BLOCKS, Pool};
 use pyramap::backend::{Addition, Backend, Base, Committed, Seen, Source};
 use pyramap::block::{Block, BlockData};
 use pyramap::error::{DeviceFault, Error, Result};
@@ -29,6 +29,9 @@ struct OnDevice {
     broken: Option<String>,
 }
 
+/// Pages that a budget has room for, at least.
+const PAGES_IN_BUDGET: usize = 16;
+
 /// How large a map's buffers are at first, and by how much they grow.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Sizes {
@@ -44,13 +47,22 @@ impl Default for Sizes {
     }
 }
 
+impl Sizes {
+    /// What suits a map: if it may take few bytes, pages are a small part of them, so that most can be used.
+    pub fn of(config: &GridConfig) -> Self {
+        let page_bytes = config.max_bytes.map_or(usize::MAX, |bytes| bytes / PAGES_IN_BUDGET);
+        let page_blocks = (page_bytes / BLOCK_BYTES as usize).clamp(1, PAGE_BLOCKS);
+        Self { page_blocks, ..Self::default() }
+    }
+}
+
 impl GpuBackend {
     /// A place on an adapter, chosen as by [`Gpu::open`].
     ///
     /// # Errors
     /// [`Error::Device`]; [`Error::Unsupported`] for the rule `ideal`.
     pub fn new(config: &GridConfig, adapter: Option<&str>) -> Result<Self> {
-        Self::on(Gpu::open(adapter)?, config, Sizes::default())
+        Self::on(Gpu::open(adapter)?, config, Sizes::of(config))
     }
 
     /// A place on a device that belongs to an application, under a name for its users. For several maps on it see
@@ -62,7 +74,7 @@ impl GpuBackend {
     /// [`Error::Device`], also if the device was opened with limits below WebGPU's defaults; [`Error::Unsupported`] for
     /// the rule `ideal`.
     pub fn with_device(device: wgpu::Device, queue: wgpu::Queue, name: &str, config: &GridConfig) -> Result<Self> {
-        Self::on(Arc::new(Gpu::owned_elsewhere(device, queue, name.to_owned())?), config, Sizes::default())
+        Self::on(Arc::new(Gpu::owned_elsewhere(device, queue, name.to_owned())?), config, Sizes::of(config))
     }
 
     /// A place on an open device.
@@ -93,6 +105,7 @@ impl OnDevice {
     }
 
     fn begin_commit(&mut self, additions: &[Addition], sign: i32, limits: Limits) -> Result<()> {
+        self.check()?;
         let Self { gpu, frames, commit, pool, mirror, .. } = self;
         mirror.send(gpu, pool)?;
         let increments = Increments { pages: frames.increments(), page_blocks: frames.blocks_per_page() };
@@ -133,7 +146,6 @@ impl Backend for GpuBackend {
     }
 
     fn commit(&mut self, additions: &[Addition], sign: i32, limits: Limits) -> Result<()> {
-        self.0.check()?;
         let begun = self.0.begin_commit(additions, sign, limits);
         additions.iter().for_each(|addition| self.0.mirror.outdate(addition.slot));
         if let Err(error @ Error::Device { fault: DeviceFault::OutOfMemory | DeviceFault::Internal, .. }) = &begun {

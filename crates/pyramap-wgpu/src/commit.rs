@@ -9,7 +9,7 @@ use pyramap::backend::{Addition, Committed, Source};
 use pyramap::error::Result;
 use pyramap::log_odds::Limits;
 use pyramap_shaders::layout::{self, FROM_BASE, Run, SAME_FOR_ALL};
-use pyramap_shaders::{OUTCOME_COUNTS, POOL_PAGES};
+use pyramap_shaders::{OUTCOME_COUNTS, POOL_PAGES, of_rank};
 use std::ops::Range;
 use wgpu::{BindingResource, Buffer, BufferBinding, BufferUsages, ComputePipeline, SubmissionIndex};
 
@@ -24,7 +24,8 @@ pub struct Commit {
     pipeline: ComputePipeline,
     clock: Option<Timestamps>,
     room: Room,
-    /// Stand for pages that are not there: each for another, since no buffer may be written through two bindings.
+    /// Stand for pages that are not there: each for another, since no buffer may be written through two bindings. A
+    /// kernel always has its first page, whose spare stands for increments.
     spares: [Buffer; POOL_PAGES],
     /// The additions' places in the caller's list, in the order in which the device has them.
     order: Vec<u32>,
@@ -114,8 +115,8 @@ impl Commit {
 
         let sorted = self.order.iter().map(|&n| on_device(&additions[n as usize], pool, increments.page_blocks));
         gpu.write(&self.room.additions, 0, cast_slice(&sorted.collect::<Vec<layout::Addition>>()))?;
-        let mut encoder = gpu.encoder("commit");
-        encoder.clear_buffer(&self.room.outcome, 0, Some(OUTCOME_COUNTS as u64 * WORD));
+        let mut encoder = gpu.encoder("commit")?;
+        encoder.clear_buffer(&self.room.outcome, 0, Some(Room::outcome_bytes(additions.len())));
         let mut dispatches = Vec::new();
         for (n, run) in self.runs(target).into_iter().enumerate() {
             let Limits { low, high } = limits;
@@ -160,14 +161,12 @@ impl Commit {
             if let Some(clock) = &self.clock {
                 committed.seconds = clock.seconds(times).sum();
             }
-            let word = |n: usize| pod_read_unaligned::<u32>(&words[n * WORD as usize..(n + 1) * WORD as usize]);
-            committed.lost = u64::from(word(0));
-            committed.uniform.extend((0..word(1) as usize).map(|n| {
-                let at = OUTCOME_COUNTS + 2 * n;
-                (self.order[word(at) as usize] as usize, word(at + 1) as i32)
-            }));
+            let (counts, extremes) = words.split_at(OUTCOME_COUNTS * WORD as usize);
+            committed.lost = u64::from(pod_read_unaligned::<u32>(counts));
+            let extremes = extremes.chunks_exact(2 * WORD as usize).map(pod_read_unaligned::<[u32; 2]>);
+            let uniform = self.order.iter().zip(extremes).filter(|(_, [highest, lowest])| *highest == !lowest);
+            committed.uniform.extend(uniform.map(|(&n, [highest, _])| (n as usize, of_rank(highest))));
         })?;
-        // The device finds them in any order.
         committed.uniform.sort_unstable();
         Ok(())
     }

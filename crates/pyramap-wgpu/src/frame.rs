@@ -213,7 +213,7 @@ fn pixels<'a>(image: &DepthImage<'a>) -> (Format, Cow<'a, [u8]>) {
 }
 
 fn rows_of_pairs<T: Copy + Default>(values: &[T], width: usize) -> Cow<'_, [T]> {
-    if width % 2 == 0 {
+    if width.is_multiple_of(2) {
         return Cow::Borrowed(values);
     }
     Cow::Owned(values.chunks(width).flat_map(|row| row.iter().copied().chain([T::default()])).collect())

@@ -4,9 +4,11 @@
 use pyramap::error::{DeviceFault, Error, Result};
 use std::collections::HashMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError, mpsc};
 use std::time::Duration;
-use wgpu::{Buffer, BufferUsages, CommandEncoder, ComputePipeline, ErrorFilter, PollError, PollType, SubmissionIndex};
+use wgpu::{
+    Buffer, BufferUsages, CommandEncoder, ComputePipeline, ErrorFilter, MapMode, PollError, PollType, SubmissionIndex,
+};
 
 /// A device that does not answer for so long hangs. A frame takes milliseconds on a card, and a second or two where a
 /// busy processor plays one.
@@ -38,6 +40,10 @@ impl Gpu {
     /// A device that is ours alone.
     pub(crate) fn ours(device: wgpu::Device, queue: wgpu::Queue, name: String) -> Result<Self> {
         let gpu = Self::owned_elsewhere(device, queue, name)?;
+        // Whatever fails outside of our calls. wgpu's own answer is a panic.
+        let lost = gpu.lost.clone();
+        let stray = move |error: wgpu::Error| drop(lost.set(error.to_string()));
+        gpu.device.on_uncaptured_error(Arc::new(stray));
         let lost = gpu.lost.clone();
         gpu.device.set_device_lost_callback(move |reason, message| {
             let _ = lost.set(format!("{reason:?} {message}").trim_end().to_lowercase());
@@ -189,8 +195,12 @@ impl Gpu {
     }
 
     /// Something to record commands with.
-    pub fn encoder(&self, label: &str) -> CommandEncoder {
-        self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some(label) })
+    ///
+    /// # Errors
+    /// As [`Gpu::attempt`].
+    pub fn encoder(&self, label: &str) -> Result<CommandEncoder> {
+        let descriptor = wgpu::CommandEncoderDescriptor { label: Some(label) };
+        self.attempt("a list of commands", || self.device.create_command_encoder(&descriptor))
     }
 
     /// Begins with what was recorded.
@@ -217,8 +227,8 @@ impl Gpu {
         }
     }
 
-    /// What lies in the first bytes of a staging buffer (`MAP_READ`) once a submission is done, which is the last to use
-    /// the buffer.
+    /// What lies in the first bytes of a staging buffer (`MAP_READ`) once a submission is done, which is the last to
+    /// use the buffer.
     ///
     /// # Errors
     /// As [`Gpu::attempt`] and [`Gpu::wait`].
@@ -234,13 +244,11 @@ impl Gpu {
             return Ok(take(&[]));
         }
         let slice = staging.slice(..bytes);
-        let mapped = Arc::new(OnceLock::new());
-        let note = mapped.clone();
-        self.attempt("a read", || {
-            slice.map_async(wgpu::MapMode::Read, move |result| note.set(result.is_ok()).unwrap_or(()))
-        })?;
+        let (sender, receiver) = mpsc::channel();
+        self.attempt("a read", || slice.map_async(MapMode::Read, move |mapped| sender.send(mapped).unwrap_or(())))?;
         self.wait(after)?;
-        if mapped.get() != Some(&true) {
+        // Another thread that waits for the same device may have been the one to find it done, and be about to say so.
+        if !matches!(receiver.recv_timeout(PATIENCE), Ok(Ok(()))) {
             return Err(self.lose("its memory cannot be read".into()));
         }
         let view = slice.get_mapped_range().map_err(|error| self.lose(error.to_string()))?;

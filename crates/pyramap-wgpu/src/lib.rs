@@ -1,5 +1,5 @@
-//! The GPU backend of pyramap: the stages of a frame as WGSL compute shaders, over a pool of blocks in the card's memory.
-//! Vulkan, Metal and DX12 through wgpu; no other toolkit.
+//! The GPU backend of pyramap: the stages of a frame as WGSL compute shaders, over a pool of blocks in the card's
+//! memory. Vulkan, Metal and DX12 through wgpu; no other toolkit.
 //!
 //! ```no_run
 //! use pyramap::{GridConfig, OccupancyGrid};
@@ -11,9 +11,9 @@
 //! # Ok::<(), pyramap::Error>(())
 //! ```
 //!
-//! [`gpu`] is an open device and turns its faults into errors; [`mod@adapters`] finds one. A frame's stages before commit
-//! are in `frame`; [`commit`] adds to the [`pool`]; [`mirror`] keeps the host's copies of it; [`backend`] is all of them
-//! together, as [`pyramap::backend::Backend`].
+//! [`gpu`] is an open device and turns its faults into errors; [`mod@adapters`] finds one. A frame's stages before
+//! commit are in [`frame`]; [`commit`] adds to the [`pool`]; [`mirror`] keeps the host's copies of it; [`backend`] is
+//! all of them together, as [`pyramap::backend::Backend`].
 
 pub mod adapters;
 pub mod backend;

@@ -1,5 +1,5 @@
-//! The pool of dense blocks on a device: pages of 32-bit voxels. It grows by pages, so that nothing is ever copied and no
-//! device's limit on buffers is met; slots that are given back are handed out again.
+//! The pool of dense blocks on a device: pages of 32-bit voxels. It grows by pages, so that nothing is ever copied and
+//! no device's limit on buffers is met; slots that are given back are handed out again.
 
 use crate::gpu::Gpu;
 use pyramap::block::BlockData;
@@ -106,7 +106,7 @@ impl Pool {
         let bytes = slots.len().min(BLOCKS_AT_ONCE) as u64 * BLOCK_BYTES;
         let staging = gpu.buffer("reading the map", bytes, BufferUsages::MAP_READ | BufferUsages::COPY_DST)?;
         for slots in slots.chunks(BLOCKS_AT_ONCE) {
-            let mut encoder = gpu.encoder("read the map");
+            let mut encoder = gpu.encoder("read the map")?;
             let mut copied = 0;
             for (run, page, at) in self.runs(slots) {
                 let bytes = run.len() as u64 * BLOCK_BYTES;
@@ -133,7 +133,7 @@ impl Pool {
                 gpu.write(page, at, bytemuck::cast_slice(&blocks))?;
             }
             // Frees the memory that the writes wait in.
-            gpu.submit(gpu.encoder("write the map"))?;
+            gpu.submit(gpu.encoder("write the map")?)?;
         }
         Ok(())
     }

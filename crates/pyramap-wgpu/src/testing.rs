@@ -23,7 +23,7 @@ pub fn gpu() -> Option<Arc<Gpu>> {
 pub fn download<T: bytemuck::Pod>(gpu: &Gpu, buffer: &Buffer, count: usize) -> Vec<T> {
     let bytes = (count * size_of::<T>()) as u64;
     let staging = gpu.buffer("a test's", bytes, BufferUsages::MAP_READ | BufferUsages::COPY_DST).unwrap();
-    let mut encoder = gpu.encoder("a test");
+    let mut encoder = gpu.encoder("a test").unwrap();
     encoder.copy_buffer_to_buffer(buffer, 0, &staging, 0, bytes);
     let submission = gpu.submit(encoder).unwrap();
     gpu.read(&staging, bytes, &submission, |bytes| bytemuck::pod_collect_to_vec(bytes)).unwrap()

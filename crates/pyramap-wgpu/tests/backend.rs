@@ -86,7 +86,6 @@ fn additions_see_what_was_written() {
     let Some(gpu) = common::gpu() else { return };
     let mut backend = on(&gpu);
     let slots = slots(&mut backend, 8);
-    // Above the number that waits to be sent, by writing the same ones again and again.
     (0..3).for_each(|round| slots.iter().for_each(|&slot| backend.write(slot, &ramp(100 * round + slot as i32))));
     assert_eq!(add(&mut backend, &slots[1..], None, 7).uniform, []);
     for &slot in &slots {
@@ -94,6 +93,21 @@ fn additions_see_what_was_written() {
         assert_eq!(backend.read(slot).to_data(), ramp(200 + slot as i32 + added), "slot {slot}");
     }
     assert_eq!(backend.blocks_fetched(), 7);
+}
+
+#[test]
+fn more_may_be_written_than_waits_to_be_sent() {
+    const MANY: usize = 5000;
+    let Some(gpu) = common::gpu() else { return };
+    let mut backend = GpuBackend::on(gpu, &config(), Sizes::default()).unwrap();
+    let slots = slots(&mut backend, MANY);
+    slots.iter().for_each(|&slot| backend.write(slot, &ramp(slot as i32)));
+    add(&mut backend, &[slots[0], slots[4097], slots[MANY - 1]], None, 1);
+    for n in [0, 1, 4095, 4096, 4097, MANY - 2, MANY - 1] {
+        let added = i32::from([0, 4097, MANY - 1].contains(&n));
+        assert_eq!(backend.read(slots[n]).to_data(), ramp(n as i32 + added), "block {n}");
+    }
+    assert_eq!(backend.blocks_fetched(), 3);
 }
 
 #[test]
@@ -128,6 +142,19 @@ fn blocks_of_one_value_are_reported_and_pages_counted() {
 }
 
 #[test]
+fn a_small_budget_is_used_and_kept() {
+    let Some(gpu) = common::gpu() else { return };
+    let budget = 512 << 10;
+    let mut config = config();
+    config.max_bytes = Some(budget);
+    let backend = GpuBackend::on(gpu, &config, Sizes::of(&config)).unwrap();
+    let mut grid = OccupancyGrid::with_backend(config, Box::new(backend)).unwrap();
+    let full = (0..100).map(|n| integrate(&mut grid, 0.4 + 0.1 * n as f32)).find_map(Result::err);
+    assert!(matches!(full, Some(Error::MapFull { .. })), "{full:?}");
+    assert!((budget / 2..=budget).contains(&grid.nbytes()), "{} bytes", grid.nbytes());
+}
+
+#[test]
 fn the_ideal_rule_is_refused() {
     let Some(gpu) = common::gpu() else { return };
     let mut config = config();
@@ -158,6 +185,26 @@ fn integrate(grid: &mut OccupancyGrid, metres: f32) -> Result<(), Error> {
 }
 
 #[test]
+fn maps_of_many_threads_share_a_device() {
+    let Some(gpu) = common::gpu() else { return };
+    let gpu = &gpu;
+    std::thread::scope(|scope| {
+        for thread in 0..8 {
+            scope.spawn(move || {
+                let mut backend = on(gpu);
+                let slots = slots(&mut backend, 7);
+                add(&mut backend, &slots, Some(thread), 0);
+                // Each thread waits for the device, which may be done with another's work.
+                for round in 0..100 {
+                    add(&mut backend, &slots, None, 1);
+                    assert_eq!(backend.read(slots[3]).to_data(), [thread + round + 1; BLOCK_VOXELS]);
+                }
+            });
+        }
+    });
+}
+
+#[test]
 fn a_map_on_a_device_that_an_application_owns() {
     let Some((device, queue)) = common::own_device() else { return };
     let backend = GpuBackend::with_device(device.clone(), queue, "the robot's card", &config()).unwrap();
@@ -168,7 +215,8 @@ fn a_map_on_a_device_that_an_application_owns() {
     drop(grid);
     // The application's device is none the worse for it.
     let usage = wgpu::BufferUsages::STORAGE;
-    device.create_buffer(&wgpu::BufferDescriptor { label: None, size: 16, usage, mapped_at_creation: false });
+    let descriptor = wgpu::BufferDescriptor { label: None, size: 16, usage, mapped_at_creation: false };
+    assert_eq!(device.create_buffer(&descriptor).size(), 16);
     device.poll(wgpu::PollType::wait_indefinitely()).unwrap();
 }
 

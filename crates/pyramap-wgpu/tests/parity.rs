@@ -16,8 +16,8 @@ use std::sync::Arc;
 /// Pages of a few blocks, so that everything crosses their borders, and room for next to nothing, so that it grows.
 const SMALL: Sizes = Sizes { page_blocks: 50, room: Room { free: 3, mixed: 5, page_blocks: 64 } };
 const RULES: [UpdateRule; 3] = [UpdateRule::Pyramid, UpdateRule::Area, UpdateRule::MinLayer];
-/// Fixed-point steps by which one frame's log-odds may differ: less than 1e-3 log-odds. Drivers may divide and take roots
-/// with errors of a few units in the last place, where the CPU rounds correctly.
+/// Fixed-point steps by which one frame's log-odds may differ: less than 1e-3 log-odds. Drivers may divide and take
+/// roots with errors of a few units in the last place, where the CPU rounds correctly.
 const TOLERANCE: i32 = 4;
 
 /// A camera with a quarter of the usual one's pixels along each side: a frame is quick, and all layers are there.
@@ -67,7 +67,9 @@ fn on_cpu(config: &GridConfig) -> OccupancyGrid {
 }
 
 fn integrate(grid: &mut OccupancyGrid, shots: &[Shot]) {
-    shots.iter().for_each(|shot| drop(grid.integrate(&shot.image(), &camera(), &shot.pose).unwrap()));
+    for shot in shots {
+        grid.integrate(&shot.image(), &camera(), &shot.pose).unwrap();
+    }
 }
 
 /// The evidence of all blocks.
@@ -114,14 +116,13 @@ fn compare(map: &Contents, other: &Contents, tolerance: i32) -> Differences {
     differences
 }
 
-/// That maps of so many frames agree: no block missing or extra, and 99.99 % of voxels within the tolerance. Where a ray
-/// grazes an edge, or a voxel the border of a layer, the last bit of a division decides which texel is read.
+/// That maps of so many frames agree: no block missing or extra, and 99.99 % of voxels within the tolerance. Where a
+/// ray grazes an edge, or a voxel the border of a layer, the last bit of a division decides which texel is read.
 #[track_caller]
 fn assert_equal(map: &OccupancyGrid, cpu: &OccupancyGrid, frames: usize) {
     let differences = compare(&contents(map), &contents(cpu), TOLERANCE * frames as i32);
     let Differences { missing, extra, beyond, known, .. } = &differences;
     assert!(missing.is_empty() && extra.is_empty() && beyond * 10_000 <= *known && *known > 1000, "{differences:?}");
-    eprintln!("{} voxels known, {} beyond, worst {:?}", known, beyond, differences.worst);
 }
 
 #[test]

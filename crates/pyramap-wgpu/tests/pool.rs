@@ -49,7 +49,7 @@ fn growth_keeps_what_is_there() {
         slots.extend(written.keys().copied().filter(|_| random.once_in(3)));
         slots.sort();
         slots.dedup();
-        slots.iter().for_each(|&slot| drop(written.insert(slot, block(u64::from(slot) + 100 * round)).is_some()));
+        written.extend(slots.iter().map(|&slot| (slot, block(u64::from(slot) + 100 * round))));
         pool.scatter(&gpu, &slots, |slot| &written[&slot]).unwrap();
 
         let mut read = BTreeMap::new();

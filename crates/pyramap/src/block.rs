@@ -31,9 +31,10 @@ pub const fn voxel_offset(x: usize, y: usize, z: usize) -> usize {
 /// The block that holds a voxel, and where in the block it lies.
 #[inline]
 pub fn locate(voxel: VoxelIndex) -> (BlockKey, usize) {
-    let edge = BLOCK_EDGE as i32;
-    let [x, y, z] = voxel.map(|i| i.rem_euclid(edge) as usize);
-    (voxel.map(|i| i.div_euclid(edge)), voxel_offset(x, y, z))
+    let (edge, [x, y, z]) = (BLOCK_EDGE as i32, voxel);
+    let within = |i: i32| i.rem_euclid(edge) as usize;
+    let key = [x.div_euclid(edge), y.div_euclid(edge), z.div_euclid(edge)];
+    (key, voxel_offset(within(x), within(y), within(z)))
 }
 
 /// What a map holds for one block.

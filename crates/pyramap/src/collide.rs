@@ -11,6 +11,7 @@ use crate::ray::{each, floor};
 use crate::state::{Threshold, Unknown};
 use crate::window::Lookup;
 use rayon::prelude::*;
+use std::ops::RangeInclusive;
 use std::sync::OnceLock;
 
 impl OccupancyGrid {
@@ -91,10 +92,14 @@ impl Scene<'_> {
         if self.unknown == Unknown::Free && shape.num_blocks() > Self::MANY_BLOCKS {
             let keys = self.keys.get_or_init(|| self.blocks.keys());
             if shape.num_blocks() > keys.len() as u64 {
-                return keys.iter().any(|&key| shape.any_cell(EDGE, voxels(key), |key| self.blocked(shape, key)));
+                return keys.iter().any(|&key| self.meets_within(shape, voxels(key)));
             }
         }
-        shape.any_cell(EDGE, [[i32::MIN; 3], [i32::MAX; 3]], |key| self.blocked(shape, key))
+        self.meets_within(shape, [[i32::MIN; 3], [i32::MAX; 3]])
+    }
+
+    fn meets_within(&self, shape: &Shape, within: [VoxelIndex; 2]) -> bool {
+        shape.any_row(EDGE, within, |x, y, mut row| row.any(|z| self.blocked(shape, [x, y, z])))
     }
 
     /// A shape that may meet more blocks than this is worth a look at how many there are.
@@ -105,7 +110,10 @@ impl Scene<'_> {
         let blocked = |evidence| self.threshold.blocked(evidence, self.unknown);
         match self.blocks.block(key).unwrap_or(Block::Uniform(0)) {
             Block::Uniform(evidence) => blocked(evidence),
-            block => shape.any_cell(1, voxels(key), |voxel| blocked(block.value(locate(voxel).1))),
+            block => shape.any_row(1, voxels(key), |x, y, row| {
+                let (_, first) = locate([x, y, *row.start()]);
+                (first..=first + (row.end() - row.start()) as usize).any(|offset| blocked(block.value(offset)))
+            }),
         }
     }
 }
@@ -123,14 +131,21 @@ struct Shape {
 }
 
 impl Shape {
-    /// Whether `test` holds for any of the cubes of `edge` voxels that the shape meets; only those that reach into a
-    /// box are asked, which is given by its first and last voxels. No others are visited, however large the shape.
-    fn any_cell(&self, edge: i32, within: [VoxelIndex; 2], test: impl Fn([i32; 3]) -> bool) -> bool {
+    /// Whether `test` holds for any row along z of the cubes of `edge` voxels that the shape meets; only those are asked
+    /// that reach into a box, which is given by its first and last voxels. No others are visited, however large the
+    /// shape.
+    fn any_row(
+        &self,
+        edge: i32,
+        within: [VoxelIndex; 2],
+        test: impl Fn(i32, i32, RangeInclusive<i32>) -> bool,
+    ) -> bool {
         let most = self.radius * self.radius;
         let cells = |axis: usize, used: f64| {
             let [low, high] = self.reach(axis, used);
             let (first, last) = (low.max(within[0][axis]), high.min(within[1][axis]));
-            (first.div_euclid(edge)..=last.div_euclid(edge)).take(if first > last { 0 } else { usize::MAX })
+            // Divided, an empty range might become one cell.
+            (first <= last).then(|| first.div_euclid(edge)..=last.div_euclid(edge))
         };
         // The squared distance between the box and a layer of cells.
         let gap = |axis: usize, cell: i32| {
@@ -138,12 +153,12 @@ impl Shape {
             let gap = (low - self.high[axis]).max(self.low[axis] - (low + f64::from(edge))).max(0.0);
             gap * gap
         };
-        cells(0, 0.0).any(|x| {
+        cells(0, 0.0).into_iter().flatten().any(|x| {
             let used = gap(0, x);
             used <= most
-                && cells(1, used).any(|y| {
+                && cells(1, used).into_iter().flatten().any(|y| {
                     let used = used + gap(1, y);
-                    used <= most && cells(2, used).any(|z| test([x, y, z]))
+                    used <= most && cells(2, used).is_some_and(|row| test(x, y, row))
                 })
         })
     }

@@ -11,7 +11,7 @@ use rayon::prelude::*;
 /// All voxels of a region.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Dense {
-    /// Log-odds, evidence plus prior, 0 where unknown; of the axes x, y, z the last runs fastest.
+    /// Log-odds, evidence plus prior, 0 where unknown; or distances in metres. Of the axes x, y, z the last runs fastest.
     pub values: Vec<f32>,
     /// Voxels along x, y, z.
     pub shape: [usize; 3],
@@ -30,7 +30,9 @@ impl OccupancyGrid {
     /// device fails.
     pub fn dense(&self, region: &Region) -> Result<Dense> {
         let VoxelBox { low: first, high } = region.voxels(self.voxel_size());
-        let shape: [usize; 3] = std::array::from_fn(|a| usize::try_from(high[a] - first[a]).unwrap_or(0));
+        // An endless side is longer than an i32 can say.
+        let side = |a: usize| usize::try_from(i64::from(high[a]) - i64::from(first[a])).unwrap_or(0);
+        let shape: [usize; 3] = std::array::from_fn(side);
         let mut values = room(shape)?;
         self.fetch()?;
         if values.is_empty() {
@@ -58,7 +60,7 @@ impl OccupancyGrid {
 }
 
 /// Zeros for a shape, or an error that says how large it is.
-fn room(shape: [usize; 3]) -> Result<Vec<f32>> {
+pub(crate) fn room(shape: [usize; 3]) -> Result<Vec<f32>> {
     let [x, y, z] = shape;
     let refuse = |expected: String| {
         let bytes = shape.into_iter().fold(size_of::<f32>() as u128, |bytes, n| bytes * n as u128);

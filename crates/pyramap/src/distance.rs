@@ -27,15 +27,6 @@ use crate::state::Unknown;
 use reach::Reach;
 use tiles::Tiles;
 
-/// How values at voxel centres become values at points.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Interpolation {
-    /// That of the voxel which contains the point.
-    Nearest,
-    /// Linear along each axis between the eight voxels whose centres surround the point.
-    Trilinear,
-}
-
 /// Signed distances to the nearest occupied voxel, up to a largest one.
 ///
 /// ```

@@ -118,10 +118,7 @@ impl OccupancyGrid {
         Some(Record { key, content })
     }
 
-    fn from_bytes(
-        bytes: &[u8],
-        empty: impl FnOnce(GridConfig) -> Result<Self>,
-    ) -> std::result::Result<Self, Damage> {
+    fn from_bytes(bytes: &[u8], empty: impl FnOnce(GridConfig) -> Result<Self>) -> std::result::Result<Self, Damage> {
         let mut rest = bytes;
         if take(&mut rest, MAGIC.len()) != Some(&MAGIC) {
             return damage("not a pyramap map (the first bytes are others)");

@@ -3,7 +3,7 @@
 use crate::backend::{Backend, Committed, Seen};
 use crate::block::{BLOCK_EDGE, BLOCK_VOXELS, Block, BlockData, BlockKey, Blocks};
 use crate::camera::PinholeCamera;
-use crate::commit::{Changes, Commit, CommitBuffers, budget, set_uniform};
+use crate::commit::{Changes, Commit, CommitBuffers, set_uniform};
 use crate::config::GridConfig;
 use crate::cpu::CpuBackend;
 use crate::depth::DepthImage;
@@ -18,6 +18,7 @@ use crate::stats::{FrameStats, Stopwatch, Submitted};
 use crate::update::free_increment;
 
 pub mod change;
+mod merge;
 mod points;
 
 /// A sparse map of log-odds: free, occupied and unknown space.
@@ -226,73 +227,6 @@ impl OccupancyGrid {
             Some(&got) => Err(Error::OutOfBounds { what: "camera", got, limit, voxel_size: self.config.voxel_size }),
             None => Ok(()),
         }
-    }
-
-    /// Adds another map's evidence to this one: the result is that of all frames of both.
-    ///
-    /// # Errors
-    /// [`Error::Unsupported`] if voxel size, prior or clamp differ, or the other map has frames under way;
-    /// [`Error::MapFull`]; [`Error::Device`].
-    pub fn merge(&mut self, other: &OccupancyGrid) -> Result<()> {
-        let refuse = |what: &str, mine: String, theirs: String| {
-            let reason = format!("{what} differs: {mine} here, {theirs} in the other map");
-            Err(Error::Unsupported { operation: "merge", reason })
-        };
-        let (mine, theirs) = (&self.config, &other.config);
-        if mine.voxel_size != theirs.voxel_size {
-            return refuse("voxel_size", format!("{}", mine.voxel_size), format!("{}", theirs.voxel_size));
-        }
-        if mine.prior != theirs.prior {
-            return refuse("prior", format!("{}", mine.prior), format!("{}", theirs.prior));
-        }
-        if mine.clamp != theirs.clamp {
-            return refuse("clamp", format!("{:?}", mine.clamp), format!("{:?}", theirs.clamp));
-        }
-        if !other.is_synchronized() {
-            let reason = "the other map has frames under way: synchronize it first".into();
-            return Err(Error::Unsupported { operation: "merge", reason });
-        }
-        self.synchronize()?;
-        self.fetch()?;
-        other.fetch()?;
-        if self.config.max_bytes.is_some() {
-            let new = other.directory.keys().filter(|key| !self.directory.contains_key(*key)).count();
-            let (mut new_slots, mut blocks) = (0, 0);
-            for &key in other.directory.keys() {
-                let (values, slot) = (self.sums(other, key).0, self.slot(key));
-                if Block::Dense(&values).uniform_value().is_none() {
-                    new_slots += usize::from(slot.is_none());
-                    blocks += self.backend.growth_to(slot, &values);
-                }
-            }
-            let entries = self.directory.len() + new;
-            budget(&self.directory, entries, self.backend.as_ref(), new_slots, blocks, self.config.max_bytes)?;
-        }
-        let dense = other.directory.iter().filter(|(_, entry)| matches!(entry, Entry::Dense(_)));
-        self.backend.reserve(dense.filter(|(key, _)| self.slot(**key).is_none()).count())?;
-        for &key in other.directory.keys() {
-            let (values, lost) = self.sums(other, key);
-            self.set_block(key, &values)?;
-            self.saturated = self.saturated.saturating_add(lost);
-        }
-        self.num_frames = self.num_frames.saturating_add(other.num_frames);
-        self.saturated = self.saturated.saturating_add(other.saturated);
-        self.history = self.history.and(other.history);
-        Ok(())
-    }
-
-    /// A block of both maps together, and how many voxels `i32` was too small for.
-    fn sums(&self, other: &Self, key: BlockKey) -> (BlockData, u64) {
-        let limits = self.config.limits();
-        let block = |grid: &Self| grid.block(key).unwrap_or(Block::Uniform(0)).to_data();
-        let (mut sums, theirs) = (block(self), block(other));
-        let mut lost = 0;
-        for (sum, theirs) in sums.iter_mut().zip(theirs) {
-            let (limited, overflow) = limits.add(*sum, theirs);
-            *sum = limited;
-            lost += u64::from(overflow);
-        }
-        (sums, lost)
     }
 
     /// The slot of a dense block.

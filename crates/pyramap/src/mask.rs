@@ -129,15 +129,6 @@ impl Mask {
         })
     }
 
-    /// Whether any voxel of a box is one of these; both corners, in coordinates of the block, belong to it.
-    #[inline(always)]
-    pub(crate) fn any_in(&self, low: [usize; 3], high: [usize; 3]) -> bool {
-        let last = BLOCK_EDGE - 1;
-        let row = (0xff << low[2]) & (0xff >> (last - high[2]));
-        let layer = (row * FIRST_Z) & (u64::MAX << (8 * low[1])) & (u64::MAX >> (8 * (last - high[1])));
-        self.0[low[0]..=high[0]].iter().any(|word| word & layer != 0)
-    }
-
     pub(crate) fn contains(self, offset: usize) -> bool {
         self.0[offset / 64] >> (offset % 64) & 1 == 1
     }

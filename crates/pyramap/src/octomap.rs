@@ -13,8 +13,9 @@
 //!
 //! - OctoMap calls a log-odd of 0 occupied, and for this map 0 is unknown. A leaf within half a step of 0 is read as one
 //!   step to the side that OctoMap takes it for, and what is free here is written below 0: states never change.
-//! - OctoMap clamps when it updates a voxel, this map does so only if asked. Files are read and written as they are. The
-//!   leaves of a `.bt` get the log-odds that OctoMap gives them: its clamping limits ([`CLAMP`]).
+//! - OctoMap clamps when it updates a voxel, this map does so only if asked. Files are read and written as they are: what
+//!   was written to an `.ot` comes back the same, up to log-odds of 4096, where the precision of `f32` ends. The leaves of
+//!   a `.bt` get the log-odds that OctoMap gives them: its clamping limits ([`CLAMP`]).
 //! - OctoMap reaches 32768 voxels from the origin; a map that goes farther is not written.
 
 mod bt;
@@ -85,8 +86,8 @@ impl OccupancyGrid {
             Format::Binary => writing::octree(self, &bt::Writer::new(self))?,
             Format::Full => writing::octree(self, &ot::Writer::new(self))?,
         };
-        let header = Header { format, colour: false, nodes: octree.nodes, voxel_size: self.voxel_size() };
-        let bytes = [header.to_bytes(), octree.bytes].concat();
+        let header = header::text(format, octree.nodes, self.voxel_size());
+        let bytes = [header.into_bytes(), octree.bytes].concat();
         write_whole(path, &bytes).map_err(|source| Error::Io { path: path.into(), source })
     }
 }
@@ -115,4 +116,70 @@ fn read_nodes(header: &Header, mut rest: &[u8]) -> std::result::Result<Leaves, S
         return Err(format!("holds {} nodes, its header says {}", leaves.nodes(), header.nodes));
     }
     Ok(leaves)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::block::{BLOCK_VOXELS, Block, BlockData, BlockKey};
+    use crate::log_odds;
+
+    /// A block whose voxels differ, one whose eighths do not, and 2 x 2 x 2 blocks that are one leaf.
+    fn map() -> OccupancyGrid {
+        let mut grid = OccupancyGrid::new(GridConfig::new(0.05).unwrap()).unwrap();
+        let mixed: BlockData = std::array::from_fn(|n| (n as i32 * 37) % 101 - 50);
+        let eighths: BlockData = std::array::from_fn(|n| if n < BLOCK_VOXELS / 2 { 70_000 } else { -3 });
+        grid.put_block([-1, 0, 4095], Block::Dense(&mixed)).unwrap();
+        grid.put_block([-4096, 5, -7], Block::Dense(&eighths)).unwrap();
+        for n in 0..8 {
+            grid.put_block([8 + (n & 1), -2 + (n >> 1 & 1), n >> 2], Block::Uniform(-1234)).unwrap();
+        }
+        grid
+    }
+
+    fn blocks(grid: &OccupancyGrid, value: impl Fn(i32) -> i32) -> Vec<(BlockKey, BlockData)> {
+        let keys = grid.block_coords().into_iter();
+        keys.map(|key| (key, grid.block(key).expect("a block").to_data().map(&value))).collect()
+    }
+
+    #[test]
+    fn maps_come_back() {
+        let (grid, folder) = (map(), tempfile::tempdir().unwrap());
+        let [full, binary] = ["map.ot", "map.BT"].map(|name| folder.path().join(name));
+        grid.save_octomap(&full).unwrap();
+        assert_eq!(blocks(&OccupancyGrid::load_octomap(&full).unwrap(), |v| v), blocks(&grid, |v| v));
+
+        grid.save_octomap(&binary).unwrap();
+        let [free, occupied] = CLAMP.map(|p| log_odds::to_fixed(log_odds::from_probability(p)));
+        let state = |value: i32| if value > 0 { occupied } else { free * value.signum().abs() };
+        assert_eq!(blocks(&OccupancyGrid::load_octomap(&binary).unwrap(), |v| v), blocks(&grid, state));
+    }
+
+    #[test]
+    fn eight_equal_leaves_are_one() {
+        let mut grid = map();
+        for key in [[-1, 0, 4095], [-4096, 5, -7]] {
+            grid.put_block(key, Block::Uniform(0)).unwrap();
+        }
+        // The root, a node a level, and the leaf in place of eight blocks.
+        assert_eq!(writing::octree(&grid, &ot::Writer::new(&grid)).unwrap().nodes, 13);
+        grid.put_block([9, -1, 1], Block::Uniform(-1235)).unwrap();
+        assert_eq!(writing::octree(&grid, &ot::Writer::new(&grid)).unwrap().nodes, 21);
+        assert_eq!(writing::octree(&grid, &bt::Writer::new(&grid)).unwrap().nodes, 13);
+    }
+
+    #[test]
+    fn a_file_that_is_cut_off_is_no_map() {
+        let (grid, folder) = (map(), tempfile::tempdir().unwrap());
+        for name in ["map.ot", "map.bt"] {
+            let path = folder.path().join(name);
+            grid.save_octomap(&path).unwrap();
+            let file = std::fs::read(&path).unwrap();
+            for length in 0..file.len() {
+                let mut rest = &file[..length];
+                let leaves = Header::read(&mut rest).and_then(|header| read_nodes(&header, rest));
+                assert!(leaves.is_err(), "{length} bytes of {name}");
+            }
+        }
+    }
 }

@@ -1,15 +1,22 @@
 //! Rays through a map: how far one can look, or move, until something is in the way.
 //!
-//! A ray goes from block to block; only where a block holds something in the box around the ray's way through it does
-//! it go voxel by voxel. The voxel that stops it is the one that plain stepping would find (see the module `ray`).
+//! Each ray goes from one cube of voxels that does not stop it to the next. A few rays find the cubes in the map: whole
+//! blocks, or voxels. For many it pays to find out first how much room there is around every voxel ([`clearance`]); then
+//! cubes are as large as can be, and several rays go at once ([`lanes`]). Either way the voxel that stops a ray is the
+//! one that plain stepping would find, and the distance has the same bits (see the module `ray`).
 
-use crate::block::{BLOCK_EDGE, Block, BlockKey, Blocks, VoxelIndex, locate, voxel_offset};
+mod clearance;
+mod lanes;
+
+use crate::block::{BLOCK_EDGE, Block, BlockKey, Blocks, VoxelIndex, locate};
 use crate::error::{Error, Result};
 use crate::grid::OccupancyGrid;
 use crate::mask::Mask;
 use crate::ray::{Place, Ray, each};
 use crate::state::{State, Threshold, Unknown};
 use crate::window::{Window, bounds};
+use clearance::clearance;
+use lanes::Lanes;
 use rayon::prelude::*;
 
 /// What stopped each ray: one entry a ray in each list.
@@ -40,7 +47,7 @@ impl OccupancyGrid {
     ///
     /// # Errors
     /// [`Error::Parameter`] naming the first row that is not finite, too far away, or zero; or if there are not as many
-    /// directions as origins, or `max_range` is not positive.
+    /// directions as origins, or `max_range` is not positive; or if the device fails.
     pub fn cast_rays(
         &self,
         origins: &[[f64; 3]],
@@ -55,7 +62,7 @@ impl OccupancyGrid {
 /// As [`OccupancyGrid::cast_rays`], through any map.
 ///
 /// # Errors
-/// As [`OccupancyGrid::cast_rays`]; or if the blocks cannot be read.
+/// As [`OccupancyGrid::cast_rays`].
 pub fn cast_rays(
     blocks: &(impl Blocks + ?Sized),
     origins: &[[f64; 3]],
@@ -63,12 +70,26 @@ pub fn cast_rays(
     max_range: f64,
     unknown: Unknown,
 ) -> Result<RayHits> {
-    check(blocks.voxel_size(), origins, directions, max_range)?;
+    /// So many rays pay for the clearance of a block.
+    const RAYS_PER_BLOCK: usize = 8;
+    let voxel_size = blocks.voxel_size();
+    check(voxel_size, origins, directions, max_range)?;
     blocks.fetch()?;
-    let caster = Caster::new(blocks, max_range, unknown);
-    Ok(match Window::new(blocks, origins.len(), |block| caster.obstacles(block).mask()) {
-        Some(window) => caster.cast_all(|key| window.get(key).copied(), origins, directions),
-        None => caster.cast_all(|key| Some(caster.obstacles(blocks.block(key)?)), origins, directions),
+    let space = Space { threshold: Threshold::of(blocks), unknown, max_range: max_range / voxel_size, voxel_size };
+    let cast = |cast: &(dyn Fn(Chunk) + Sync)| cast_chunks(origins, directions, cast);
+    Ok(match Window::new(blocks, origins.len() / RAYS_PER_BLOCK, |block| space.stops(&block)) {
+        Some(stops) => {
+            let window = stops.map(|stops, key| clearance(stops, key, unknown));
+            cast(&|chunk| Lanes::new(&space, &window, blocks).cast(chunk))
+        }
+        None => {
+            // Where unknown space lets rays pass they would go on for ever beyond the last block.
+            let [low, high] = match unknown {
+                Unknown::Occupied => [[i32::MIN / EDGE; 3], [i32::MAX / EDGE; 3]],
+                Unknown::Free => bounds(&blocks.keys()).unwrap_or([[0; 3], [-1; 3]]),
+            };
+            cast(&|chunk| space.cast_each(blocks, [low, high], chunk))
+        }
     })
 }
 
@@ -100,9 +121,40 @@ fn check(voxel_size: f64, origins: &[[f64; 3]], directions: &[[f64; 3]], max_ran
     }
 }
 
-/// What the rays of one call have in common.
-struct Caster<'a, B: ?Sized> {
-    blocks: &'a B,
+/// Some of the rays, and where their hits go.
+struct Chunk<'a> {
+    origins: &'a [[f64; 3]],
+    directions: &'a [[f64; 3]],
+    distance: &'a mut [f64],
+    state: &'a mut [State],
+    voxel: &'a mut [VoxelIndex],
+}
+
+/// Casts all rays, a chunk at a time.
+fn cast_chunks(origins: &[[f64; 3]], directions: &[[f64; 3]], cast: &(dyn Fn(Chunk) + Sync)) -> RayHits {
+    /// Enough to make lanes worth while, few enough to share the work.
+    const CHUNK: usize = 512;
+    let count = origins.len();
+    let (mut distance, mut state) = (vec![f64::INFINITY; count], vec![State::Free; count]);
+    let mut voxel = vec![NO_VOXEL; count];
+    let rays = origins.par_chunks(CHUNK).zip(directions.par_chunks(CHUNK));
+    let hits = distance.par_chunks_mut(CHUNK).zip(state.par_chunks_mut(CHUNK)).zip(voxel.par_chunks_mut(CHUNK));
+    rays.zip(hits).for_each(|((origins, directions), ((distance, state), voxel))| {
+        cast(Chunk { origins, directions, distance, state, voxel });
+    });
+    RayHits { distance, state, voxel }
+}
+
+impl Chunk<'_> {
+    fn set(&mut self, row: usize, space: &Space, place: Place, state: State) {
+        self.distance[row] = place.distance * space.voxel_size;
+        self.state[row] = state;
+        self.voxel[row] = place.voxel;
+    }
+}
+
+/// What all rays of a call have in common.
+struct Space {
     threshold: Threshold,
     unknown: Unknown,
     /// In voxels.
@@ -112,160 +164,64 @@ struct Caster<'a, B: ?Sized> {
 
 const EDGE: i32 = BLOCK_EDGE as i32;
 
-impl<'a, B: Blocks + ?Sized> Caster<'a, B> {
-    fn new(blocks: &'a B, max_range: f64, unknown: Unknown) -> Self {
-        let voxel_size = blocks.voxel_size();
-        Self { blocks, threshold: Threshold::of(blocks), unknown, max_range: max_range / voxel_size, voxel_size }
+impl Space {
+    /// The voxels of a block that stop rays.
+    fn stops(&self, block: &Block) -> Mask {
+        Mask::of(block, |evidence| self.threshold.blocked(evidence, self.unknown))
     }
 
-    fn obstacles<'b>(&self, block: Block<'b>) -> Obstacles<'b> {
-        Obstacles { block, threshold: self.threshold, unknown: self.unknown }
-    }
-
-    /// All rays; `find` gives a block's voxels that stop rays, `None` where there is no block.
-    fn cast_all<S: Stops>(
-        &self,
-        find: impl Fn(BlockKey) -> Option<S> + Sync,
-        origins: &[[f64; 3]],
-        directions: &[[f64; 3]],
-    ) -> RayHits {
-        // Where unknown space lets rays pass they would go on for ever beyond the last block.
-        let bounds = match self.unknown {
-            Unknown::Occupied => None,
-            Unknown::Free => Some(bounds(&self.blocks.keys()).unwrap_or([[0; 3], [-1; 3]])),
-        };
-        let cast = |(origin, direction): (&[f64; 3], &[f64; 3])| {
-            let ray = Ray::new(each(|a| origin[a] / self.voxel_size), *direction);
-            match bounds {
-                None => self.cast(&find, |_| true, &ray, ray.start()),
-                Some([low, high]) => {
-                    let start = ray.enter(low.map(|k| k * EDGE), high.map(|k| k * EDGE + EDGE - 1))?;
-                    let inside = |key: BlockKey| (0..3).all(|a| low[a] <= key[a] && key[a] <= high[a]);
-                    self.cast(&find, inside, &ray, start)
-                }
-            }
-        };
-
-        let count = origins.len();
-        let mut hits =
-            RayHits { distance: vec![0.0; count], state: vec![State::Free; count], voxel: vec![NO_VOXEL; count] };
-        let out = hits.distance.par_iter_mut().zip(&mut hits.state).zip(&mut hits.voxel);
-        let rays = origins.par_iter().zip(directions).with_min_len(64);
-        out.zip(rays).for_each(|(((distance, state), voxel), ray)| match cast(ray) {
-            None => *distance = f64::INFINITY,
-            Some(place) => {
-                *distance = place.distance * self.voxel_size;
-                *state = self.state(place.voxel);
-                *voxel = place.voxel;
-            }
-        });
-        hits
-    }
-
-    /// Goes from a place on, over blocks, as long as they are inside.
     #[inline(always)]
-    fn cast<S: Stops>(
+    fn ray(&self, origin: &[f64; 3], direction: &[f64; 3]) -> Ray {
+        Ray::new(each(|a| origin[a] / self.voxel_size), *direction)
+    }
+
+    /// Where a ray begins that is asked for within blocks from `low` to `high` alone.
+    #[inline(always)]
+    fn start(&self, ray: &Ray, [low, high]: [BlockKey; 2]) -> Option<Place> {
+        match self.unknown {
+            Unknown::Occupied => Some(ray.start()),
+            Unknown::Free => ray.enter(each(|a| low[a] * EDGE), each(|a| high[a] * EDGE + EDGE - 1)),
+        }
+    }
+
+    /// One ray after the other, through the map as it is.
+    fn cast_each(&self, blocks: &(impl Blocks + ?Sized), bounds: [BlockKey; 2], mut chunk: Chunk) {
+        for row in 0..chunk.origins.len() {
+            let ray = self.ray(&chunk.origins[row], &chunk.directions[row]);
+            let place = self.start(&ray, bounds).and_then(|start| self.cast(blocks, bounds, &ray, start));
+            if let Some((place, state)) = place {
+                chunk.set(row, self, place, state);
+            }
+        }
+    }
+
+    fn cast(
         &self,
-        find: impl Fn(BlockKey) -> Option<S>,
-        inside: impl Fn(BlockKey) -> bool,
+        blocks: &(impl Blocks + ?Sized),
+        [low, high]: [BlockKey; 2],
         ray: &Ray,
         mut place: Place,
-    ) -> Option<Place> {
-        let block = |voxel: VoxelIndex| each(|a| voxel[a] >> EDGE.ilog2());
-        let mut key = block(place.voxel);
-        while place.distance <= self.max_range && inside(key) {
-            let low = each(|a| key[a] * EDGE);
-            let left = ray.leave(low, EDGE);
-            match find(key) {
-                None if self.unknown == Unknown::Occupied => return Some(place),
-                Some(stops) if in_way(&stops, low, place.voxel, left.voxel) => {
-                    if let Some(place) = walk(ray, place, low, &stops) {
-                        return (place.distance <= self.max_range).then_some(place);
-                    }
+    ) -> Option<(Place, State)> {
+        let mut key = locate(place.voxel).0;
+        while (0..3).all(|a| (low[a]..=high[a]).contains(&key[a])) {
+            let block = blocks.block(key).unwrap_or(Block::Uniform(0));
+            // Through this block, voxel by voxel or as one.
+            let here = key;
+            while key == here {
+                if place.distance > self.max_range {
+                    return None;
                 }
-                _ => {}
+                let evidence = block.value(locate(place.voxel).1);
+                if self.threshold.blocked(evidence, self.unknown) {
+                    return Some((place, self.threshold.state(evidence)));
+                }
+                place = match block {
+                    Block::Uniform(_) => ray.leave(key.map(|k| k * EDGE), EDGE),
+                    _ => ray.leave(place.voxel, 1),
+                };
+                key = locate(place.voxel).0;
             }
-            place = left;
-            key = block(place.voxel);
         }
         None
-    }
-
-    fn state(&self, voxel: VoxelIndex) -> State {
-        match self.unknown {
-            Unknown::Free => State::Occupied,
-            Unknown::Occupied => {
-                let (key, offset) = locate(voxel);
-                self.threshold.state(self.blocks.block(key).map_or(0, |block| block.value(offset)))
-            }
-        }
-    }
-}
-
-/// The voxels of a block that stop rays.
-trait Stops {
-    /// Whether any voxel of a box may; both corners, in coordinates of the block, belong to it.
-    fn any_in(&self, low: [usize; 3], high: [usize; 3]) -> bool;
-    /// Whether the voxel at an offset does.
-    fn contains(&self, offset: usize) -> bool;
-}
-
-/// Taken out of the block, which is worth while for many rays.
-impl Stops for Mask {
-    #[inline(always)]
-    fn any_in(&self, low: [usize; 3], high: [usize; 3]) -> bool {
-        Mask::any_in(self, low, high)
-    }
-
-    #[inline(always)]
-    fn contains(&self, offset: usize) -> bool {
-        Mask::contains(*self, offset)
-    }
-}
-
-/// As they are in the block.
-struct Obstacles<'a> {
-    block: Block<'a>,
-    threshold: Threshold,
-    unknown: Unknown,
-}
-
-impl Obstacles<'_> {
-    fn mask(&self) -> Mask {
-        Mask::of(&self.block, |evidence| self.threshold.blocked(evidence, self.unknown))
-    }
-}
-
-impl Stops for Obstacles<'_> {
-    fn any_in(&self, _: [usize; 3], _: [usize; 3]) -> bool {
-        // To look is as dear as to go there.
-        !matches!(self.block, Block::Uniform(_)) || self.contains(0)
-    }
-
-    fn contains(&self, offset: usize) -> bool {
-        self.threshold.blocked(self.block.value(offset), self.unknown)
-    }
-}
-
-/// Whether a voxel that stops rays lies in the box around a way through a block, from a voxel of it to one beyond.
-#[inline(always)]
-fn in_way(stops: &impl Stops, low: VoxelIndex, from: VoxelIndex, to: VoxelIndex) -> bool {
-    let from = each(|a| from[a] - low[a]);
-    let to = each(|a| (to[a] - low[a]).clamp(0, EDGE - 1));
-    stops.any_in(each(|a| from[a].min(to[a]) as usize), each(|a| from[a].max(to[a]) as usize))
-}
-
-/// Goes through a block voxel by voxel: the first that stops the ray.
-#[inline(always)]
-fn walk(ray: &Ray, mut place: Place, low: VoxelIndex, stops: &impl Stops) -> Option<Place> {
-    loop {
-        let at = each(|a| (place.voxel[a] - low[a]) as usize);
-        if (at[0] | at[1] | at[2]) >= BLOCK_EDGE {
-            return None;
-        }
-        if stops.contains(voxel_offset(at[0], at[1], at[2])) {
-            return Some(place);
-        }
-        place = ray.leave(place.voxel, 1);
     }
 }

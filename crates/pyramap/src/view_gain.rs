@@ -82,7 +82,7 @@ impl OccupancyGrid {
 
         let look = Look::new(self, &config, camera, stride);
         let rays = poses.len() * look.columns.len() * look.rows.len();
-        Ok(look.from_all(&Lookup::new(self, rays), poses))
+        Ok(look.views(&Lookup::new(self, rays), poses))
     }
 }
 
@@ -148,15 +148,15 @@ impl<'a> Look<'a> {
         }
     }
 
-    fn from_all(&self, blocks: &(impl Blocks + ?Sized), poses: &[Pose]) -> Vec<ViewGain> {
+    fn views(&self, blocks: &impl Blocks, poses: &[Pose]) -> Vec<ViewGain> {
         // By rows, so that all threads have work even for one pose; added up in order, so that threads change nothing.
         let count = self.rows.len();
-        let row = |n: usize| self.from_row(blocks, &poses[n / count], &self.rows[n % count]);
+        let row = |n: usize| self.row(blocks, &poses[n / count], &self.rows[n % count]);
         let rows: Vec<_> = (0..poses.len() * count).into_par_iter().map(row).collect();
         rows.chunks(count).map(|rows| rows.iter().copied().sum()).collect()
     }
 
-    fn from_row(&self, blocks: &(impl Blocks + ?Sized), pose: &Pose, row: &Tile) -> ViewGain {
+    fn row(&self, blocks: &impl Blocks, pose: &Pose, row: &Tile) -> ViewGain {
         let (camera, position) = (self.camera, pose.translation / self.voxel_size);
         let ray = |column: &Tile| {
             let (u, v) = (column.middle, row.middle);
@@ -170,7 +170,7 @@ impl<'a> Look<'a> {
     }
 
     /// What one ray meets; it stands for a volume of `spread d^3` up to a distance `d`.
-    fn along(&self, blocks: &(impl Blocks + ?Sized), ray: &Ray, spread: f64) -> ViewGain {
+    fn along(&self, blocks: &impl Blocks, ray: &Ray, spread: f64) -> ViewGain {
         let edge = BLOCK_EDGE as i32;
         let mut gain = ViewGain::default();
         let mut place = ray.start();

@@ -10,49 +10,53 @@ pub struct Window<T> {
     size: [usize; 3],
     /// One more than where in `items` it is, or 0.
     places: Vec<u32>,
+    keys: Vec<BlockKey>,
     items: Vec<T>,
 }
 
 /// Up to so many places for each block that the map holds: beyond, the map is too scattered for a window.
 const PLACES_PER_BLOCK: usize = 256;
-/// So many questions pay for one block.
-const QUESTIONS_PER_BLOCK: usize = 4;
 
-impl<T: Send> Window<T> {
-    /// What `item` makes of each block of a map; `None` if that is not worth while for so many questions.
+impl<T: Send + Sync> Window<T> {
+    /// What `item` makes of each block of a map; `None` if the map has more than `most` blocks, or is too scattered.
     pub fn new<'a>(
         blocks: &'a (impl Blocks + ?Sized),
-        questions: usize,
+        most: usize,
         item: impl Fn(Block<'a>) -> T + Sync,
     ) -> Option<Self> {
         // Not to list all blocks for a few questions.
-        if questions < QUESTIONS_PER_BLOCK {
+        if most == 0 {
             return None;
         }
         let keys = blocks.keys();
         let [low, high] = bounds(&keys)?;
         let size: [usize; 3] = std::array::from_fn(|a| (high[a] - low[a]) as usize + 1);
         let places = size.into_iter().try_fold(1, usize::checked_mul)?;
-        if QUESTIONS_PER_BLOCK * keys.len() > questions || places > PLACES_PER_BLOCK * keys.len() {
+        if keys.len() > most || places > PLACES_PER_BLOCK * keys.len() {
             return None;
         }
         let read = |&key: &BlockKey| item(blocks.block(key).unwrap_or(Block::Uniform(0)));
-        let mut window = Self {
-            low,
-            size,
-            places: vec![0; places],
-            items: keys.par_iter().with_min_len(64).map(read).collect(),
-        };
-        for (n, &key) in (1..).zip(&keys) {
-            let place = window.place(key).expect("the window holds all keys");
-            window.places[place] = n;
+        let items = keys.par_iter().with_min_len(64).map(read).collect();
+        let mut window = Self { low, size, places: vec![0; places], keys, items };
+        for n in 0..window.keys.len() {
+            let place = window.place(window.keys[n]).expect("the window holds all keys");
+            window.places[place] = n as u32 + 1;
         }
         Some(window)
     }
-}
 
-impl<T> Window<T> {
-    /// What was made of a block; `None` where the map holds none.
+    /// The same window with other items, each made of a block's key and what there is now.
+    pub fn map<U: Send>(self, item: impl Fn(&Self, BlockKey) -> U + Sync) -> Window<U> {
+        let items = self.keys.par_iter().with_min_len(16).map(|&key| item(&self, key)).collect();
+        Window { low: self.low, size: self.size, places: self.places, keys: self.keys, items }
+    }
+
+    /// The lowest and the highest key.
+    pub fn bounds(&self) -> [BlockKey; 2] {
+        [self.low, each(|a| self.low[a] + self.size[a] as i32 - 1)]
+    }
+
+    /// What there is for a block; `None` where the map holds none.
     #[inline(always)]
     pub fn get(&self, key: BlockKey) -> Option<&T> {
         // 0 wraps around to what is beyond all items.
@@ -78,7 +82,9 @@ pub enum Lookup<'a, B: ?Sized> {
 
 impl<'a, B: Blocks + ?Sized> Lookup<'a, B> {
     pub fn new(blocks: &'a B, questions: usize) -> Self {
-        match Window::new(blocks, questions, |block| block) {
+        /// So many questions pay for one block.
+        const QUESTIONS_PER_BLOCK: usize = 4;
+        match Window::new(blocks, questions / QUESTIONS_PER_BLOCK, |block| block) {
             None => Self::Map(blocks),
             Some(window) => Self::Window(blocks, window),
         }

@@ -7,15 +7,16 @@ from typing import Annotated
 
 import typer
 
-from .._core import OccupancyGrid, devices
+from .._core import devices
 from .facts import device_facts, map_facts
-from .options import AsJson
+from .maps import open_map
+from .options import MAP_HELP, AsJson
 from .products import file_sizes
 from .summary import device_rows, map_rows, print_json, print_table
 
 
 def describe_map(
-    file: Annotated[Path | None, typer.Argument(metavar="MAP", help="A map: a .pmap file.", show_default=False)] = None,
+    file: Annotated[Path | None, typer.Argument(metavar="MAP", help=MAP_HELP, show_default=False)] = None,
     list_devices: Annotated[bool, typer.Option("--devices", help="List the GPUs that maps can run on.")] = False,
     as_json: AsJson = False,
 ) -> None:
@@ -32,7 +33,7 @@ def describe_map(
         else:
             typer.echo("no graphics adapters: install the driver of your card; on Linux its Vulkan driver")
         return
-    facts = {"map": map_facts(OccupancyGrid.load(file, backend="cpu")), "files": file_sizes([file])}
+    facts = {"map": map_facts(open_map(file, backend="cpu")), "files": file_sizes([file])}
     if as_json:
         print_json(facts)
     else:

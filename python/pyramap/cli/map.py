@@ -24,7 +24,8 @@ def map_dataset(
     dataset: Annotated[Path, typer.Argument(help="Folder with a data set: 7-Scenes, TUM RGB-D, Redwood or ICL-NUIM.")],
     resolution: Annotated[float, typer.Option("--resolution", "-r", help="Edge of a voxel, metres.")] = 0.05,
     output: Annotated[
-        Path | None, typer.Option("--output", "-o", callback=map_path, help="Write the map, a .pmap file.")
+        Path | None,
+        typer.Option("--output", "-o", callback=map_path, help="Write the map: .pmap, or .bt or .ot for OctoMap."),
     ] = None,
     mesh: MeshOut = None,
     png: PictureOut = None,

@@ -8,8 +8,9 @@ from typing import Annotated
 import typer
 
 from .. import pictures
-from .._core import Mesh, OccupancyGrid
+from .._core import Mesh
 from . import values
+from .maps import open_map
 from .options import AdapterChoice, AsJson, BackendChoice, MapFile, MinEvidence, PictureOut, Threads
 from .outputs import check_writable, mesh_path, write_mesh
 from .products import draw_mesh, file_sizes, mesh_facts
@@ -65,7 +66,7 @@ def mesh_map(
     if (eye is None) != (look_at is None):
         raise typer.BadParameter("--eye and --look-at go together")
     check_writable(paths)
-    grid = OccupancyGrid.load(file, backend=backend.value, adapter=adapter)
+    grid = open_map(file, backend=backend.value, adapter=adapter)
     with working_on("making the mesh"):
         mesh = grid.mesh(level=level, min_evidence=min_evidence)
     if output:

@@ -18,7 +18,8 @@ def _use_threads(count: int | None) -> int | None:
     return count
 
 
-MapFile = Annotated[Path, typer.Argument(metavar="MAP", help="A map: a .pmap file.")]
+MAP_HELP = "A map: a .pmap file, or a .bt or .ot file of OctoMap."
+MapFile = Annotated[Path, typer.Argument(metavar="MAP", help=MAP_HELP)]
 MeshOut = Annotated[
     Path | None, typer.Option("--mesh", callback=mesh_path, help="Write the mesh: .ply, .obj, .stl or .glb.")
 ]

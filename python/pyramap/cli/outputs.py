@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from .._core import Mesh
+from . import maps
 
-MAP_SUFFIXES = (".pmap",)
+MAP_SUFFIXES = (maps.SUFFIX, *maps.OCTOMAP_SUFFIXES)
 MESH_SUFFIXES = (".ply", ".obj", ".stl", ".glb")
 PICTURE_SUFFIXES = (".png",)
 

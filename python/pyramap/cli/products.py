@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from .. import pictures
 from .._core import Mesh, OccupancyGrid
 from .facts import Facts
+from .maps import save_map
 from .outputs import write_mesh, write_picture
 from .terminal import working_on
 
@@ -48,7 +49,7 @@ def write_products(
     facts: Facts = {}
     if products.map:
         with working_on("saving the map"):
-            grid.save(products.map)
+            save_map(grid, products.map)
     if products.mesh or products.picture or products.inside:
         with working_on("making the mesh"):
             mesh = grid.mesh(min_evidence=min_evidence)

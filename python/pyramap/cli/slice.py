@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from .. import pictures
-from .._core import OccupancyGrid
+from .maps import open_map
 from .options import AsJson, MapFile
 from .outputs import check_writable, picture_path
 from .products import draw_slice, file_sizes
@@ -29,7 +29,7 @@ def slice_map(
 ) -> None:
     """Draw a plane through MAP: free, occupied and unknown space."""
     check_writable([output])
-    grid = OccupancyGrid.load(file)
+    grid = open_map(file)
     index = pictures.AXES.index(axis.value)
     if at is None:
         if grid.bounds is None:

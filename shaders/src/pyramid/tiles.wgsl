@@ -61,11 +61,6 @@ fn tile_size() -> vec2<u32> {
     return vec2(size.width, size.height);
 }
 
-fn with_ranges(around: Around, ranges: vec4<f32>, t: vec4<f32>) -> Around {
-    let upper = with_range(with_range(around, ranges.x, t), ranges.y, t);
-    return with_range(with_range(upper, ranges.z, t), ranges.w, t);
-}
-
 /// The results of a tile for four layers.
 fn keep(first: u32, tile: vec2<u32>, ranges: vec4<f32>) {
     for (var n = 0u; n < 4u; n++) {

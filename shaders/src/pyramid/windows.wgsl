@@ -10,16 +10,13 @@ fn windows(@builtin(global_invocation_id) id: vec3<u32>) {
     if id.x >= size.width || id.y >= size.height {
         return;
     }
-    let edge = 1u << width;
-    let source = frame.halved[PASS * TILE_LAYERS];
+    // Squares of four parts at a time, so that these are fetched together.
+    let squares = 1u << (width - 1u);
     let t = vec4(frame.t[(layer + 1u) / 4u][(layer + 1u) % 4u]);
     var around = around_nothing();
-    for (var n = 0u; n < edge * edge; n++) {
-        let x = id.x * edge + n % edge;
-        let y = id.y * edge + n / edge;
-        if x < source.width && y < source.height {
-            around = with_range(around, scratch[parts(PASS, layer) + y * source.width + x], t);
-        }
+    for (var n = 0u; n < squares * squares; n++) {
+        let first = 2u * (id.xy * squares + vec2(n % squares, n / squares));
+        around = with_ranges(around, four_parts(layer, first), t);
     }
     let range = nearest(around, t).x;
     if done {
@@ -27,4 +24,19 @@ fn windows(@builtin(global_invocation_id) id: vec3<u32>) {
     } else {
         scratch[parts(PASS + 1u, layer) + id.y * size.width + id.x] = range;
     }
+}
+
+/// Parts of a window that lie in a square; at the image's border some are the same, and 0 beyond it.
+fn four_parts(layer: u32, first: vec2<u32>) -> vec4<f32> {
+    let source = frame.halved[PASS * TILE_LAYERS];
+    let begin = parts(PASS, layer);
+    var ranges = vec4(0.0);
+    if first.x < source.width && first.y < source.height {
+        let last = min(first + 1u, vec2(source.width - 1u, source.height - 1u));
+        ranges.x = scratch[begin + first.y * source.width + first.x];
+        ranges.y = scratch[begin + first.y * source.width + last.x];
+        ranges.z = scratch[begin + last.y * source.width + first.x];
+        ranges.w = scratch[begin + last.y * source.width + last.x];
+    }
+    return ranges;
 }

@@ -17,13 +17,12 @@ fn bounds_of_cells(@builtin(global_invocation_id) id: vec3<u32>) {
         var by_4 = NO_BOUNDS;
         for (var part = 0u; part < 4u; part++) {
             let cell_2 = 2u * cell_4 + corner(part);
-            var by_2 = NO_BOUNDS;
-            for (var n = 0u; n < 4u; n++) {
-                let cell = 2u * cell_2 + corner(n);
-                if cell.x < size.width && cell.y < size.height {
-                    by_2 = union_of(by_2, finer_bounds(layer, cell.y * size.width + cell.x));
-                }
-            }
+            let upper = union_of(cell_bounds(layer, 2u * cell_2), cell_bounds(layer, 2u * cell_2 + corner(1u)));
+            let lower = union_of(
+                cell_bounds(layer, 2u * cell_2 + corner(2u)),
+                cell_bounds(layer, 2u * cell_2 + corner(3u)),
+            );
+            let by_2 = union_of(upper, lower);
             put(layer, FINER + 1u, cell_2, by_2);
             by_4 = union_of(by_4, by_2);
         }
@@ -31,6 +30,15 @@ fn bounds_of_cells(@builtin(global_invocation_id) id: vec3<u32>) {
         by_8 = union_of(by_8, by_4);
     }
     put(layer, FINER + 3u, id.xy, by_8);
+}
+
+/// The bounds of one of the finer cells; of those beyond the layer's border none.
+fn cell_bounds(layer: u32, cell: vec2<u32>) -> vec2<f32> {
+    let size = frame.halved[layer + FINER];
+    if cell.x >= size.width || cell.y >= size.height {
+        return NO_BOUNDS;
+    }
+    return finer_bounds(layer, cell.y * size.width + cell.x);
 }
 
 fn put(layer: u32, level: u32, cell: vec2<u32>, value: vec2<f32>) {

@@ -149,7 +149,7 @@ impl Shot {
         (frame.free_room, frame.mixed_room) = (room.free as u32, room.mixed as u32);
         frame.page_blocks = room.page_blocks as u32;
         gpu.write(&buffers.frame, 0, bytemuck::bytes_of(frame))?;
-        let mut encoder = gpu.encoder("a frame");
+        let mut encoder = gpu.encoder("a frame")?;
         encoder.clear_buffer(&buffers.results, 0, Some(4 * RESULT_COUNTS as u64));
         self.stages.as_ref().expect("just made").record(&mut encoder, frame, clock);
         let bytes = 4 * room.words() as u64;

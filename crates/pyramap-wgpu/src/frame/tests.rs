@@ -3,9 +3,12 @@
 //! On a device that divides and takes roots exactly (lavapipe does) both agree to the bit but for what each test names.
 //! Others may be off by a few roundings: the bounds below hold for them too.
 
+mod frames;
+mod layers;
+
 use super::*;
 use crate::testing::{download, gpu};
-use pyramap::block::{BlockData, voxel_offset};
+use pyramap::block::BlockData;
 use pyramap::cull::{CullBuffers, Culled, Scope, cull};
 use pyramap::pyramid::{Pyramid as Layers, num_layers};
 use pyramap::ranges::Ranges;
@@ -45,10 +48,10 @@ fn depths(width: usize, height: usize, seed: u64) -> Vec<f32> {
     for thing in 0..12 {
         let [x, y, size] = [random.next(), random.next(), 0.02 + 0.2 * random.next()];
         let value = [0.0, f32::INFINITY, 1.2, 0.6, 30.0, f32::NAN][thing % 6];
-        for i in 0..width * height {
+        for (i, depth) in depths.iter_mut().enumerate() {
             let (u, v) = ((i % width) as f64 / width as f64, (i / width) as f64 / height as f64);
             if (u - x).abs() < size && (v - y).abs() < size {
-                depths[i] = value;
+                *depth = value;
             }
         }
     }
@@ -61,7 +64,7 @@ fn depths(width: usize, height: usize, seed: u64) -> Vec<f32> {
             _ => {}
         }
     }
-    depths[0] = 2.0;
+    depths[0] = 1.5;
     depths
 }
 
@@ -143,11 +146,10 @@ fn effects(culled: &Culled, changes: &[Change], increments: &[BlockData], free: 
     effects.into_iter().filter(|(_, increments)| increments.iter().any(|&i| i != 0)).collect()
 }
 
+/// What the device makes of a frame.
 struct OnGpu {
     culled: Culled,
     effects: Effects,
-    /// Where each texel of the layers that are made puts its surface.
-    surfaces: Vec<f32>,
 }
 
 fn on_gpu(
@@ -159,76 +161,66 @@ fn on_gpu(
     pose: &Pose,
 ) -> OnGpu {
     frames.see(gpu, config, image, camera, pose).unwrap();
+    seen(gpu, frames)
+}
+
+fn seen(gpu: &Gpu, frames: &mut Frames) -> OnGpu {
     let mut seen = Seen::default();
     frames.seen(gpu, &mut seen).unwrap();
     let mut increments: Vec<BlockData> = Vec::new();
     for page in frames.increments() {
         let blocks = (seen.culled.mixed.len() - increments.len()).min(frames.blocks_per_page());
-        increments.extend(download::<[i32; BLOCK_VOXELS]>(gpu, page, blocks));
+        increments.extend(download::<BlockData>(gpu, page, blocks));
     }
-    let shot = &frames.shots[frames.asked];
-    let numbers = if frames.sigma == Sigma::Constant { 1 } else { 2 };
-    let view = View::new(camera, pose, config.voxel_size, config.max_range);
-    let texels = params::layers(config, &view, camera.width, camera.height).num_texels;
-    let surfaces = download::<f32>(gpu, &shot.buffers.surfaces, texels * numbers);
-    OnGpu {
-        effects: effects(&seen.culled, &seen.changes, &increments, free_increment(&frames.model.table)),
-        culled: seen.culled,
-        surfaces: surfaces.into_iter().step_by(numbers).collect(),
+    let free = free_increment(&frames.model.table);
+    OnGpu { effects: effects(&seen.culled, &seen.changes, &increments, free), culled: seen.culled }
+}
+
+/// Where two frames differ: how many voxels of how many, by how many fixed-point steps at most, and how many blocks one
+/// has and the other has not.
+#[derive(Debug, Default, PartialEq)]
+struct Difference {
+    voxels: usize,
+    of: usize,
+    most: i32,
+    blocks: usize,
+}
+
+fn difference(a: &Effects, b: &Effects) -> Difference {
+    let only_in_a = a.keys().filter(|key| !b.contains_key(*key)).count();
+    let only_in_b = b.keys().filter(|key| !a.contains_key(*key)).count();
+    let mut found = Difference { blocks: only_in_a + only_in_b, ..Difference::default() };
+    for (key, a) in a {
+        for (a, b) in a.iter().zip(b.get(key).unwrap_or(&[0; BLOCK_VOXELS])) {
+            found.of += 1;
+            found.voxels += usize::from(a != b);
+            found.most = found.most.max((a - b).abs());
+        }
+    }
+    found
+}
+
+/// lavapipe reckons like the CPU, to the bit. Cards divide and take roots with an error of some units in the last place,
+/// and may fuse a multiplication with an addition: 1e-6 of a distance of metres is 1e-4 sigmas of centimetres, less than a
+/// step of log-odds. Only what jumps may differ by more: a voxel at the image's border, a texel between two ranges that
+/// are equally near to its layer's distance, a sample of `area` between two pixels. Such are rare.
+fn check(gpu: &Gpu, what: &str, cpu: &Effects, device: &Effects) {
+    let found = difference(cpu, device);
+    if gpu.name().contains("llvmpipe") {
+        assert_eq!(found, Difference { of: found.of, ..Difference::default() }, "{what}");
+    } else {
+        let all_but_few = found.voxels * 1000 <= found.of && found.blocks * 1000 <= cpu.len();
+        assert!(all_but_few, "{what}: {found:?} in {} blocks", cpu.len());
     }
 }
 
 #[test]
-fn explore() {
-    let Some(gpu) = gpu() else { return };
-    for rule in RULES {
-        for voxel in [0.02, 0.05, 0.16] {
-            for (w, h) in [(320, 240), (641, 479), (7, 5), (1, 1)] {
-                let (camera, pose) = (camera(w, h), pose(0));
-                let config = config(voxel, rule);
-                let depth = depths(w, h, 1);
-                let image = DepthImage::new(Depth::F32(&depth), w, h).unwrap();
-                let mut frames = Frames::new(&gpu, &config).unwrap();
-                let a = on_cpu(&config, &image, &camera, &pose);
-                let b = on_gpu(&gpu, &mut frames, &config, &image, &camera, &pose);
-                let mut at = 0;
-                let mut differ = 0;
-                for (layer, s) in a.layers.layers.iter().zip(&a.surfaces) {
-                    for (i, &range) in layer.values.iter().enumerate() {
-                        let got = b.surfaces[at];
-                        at += 1;
-                        let fits = if range == 0.0 {
-                            got == pyramap_shaders::HOLE
-                        } else if range == f32::INFINITY {
-                            got == pyramap_shaders::NO_RETURN
-                        } else {
-                            got == s.surface[i]
-                        };
-                        differ += usize::from(!fits);
-                    }
-                }
-                let missing = a.effects.keys().filter(|k| !b.effects.contains_key(*k)).count();
-                let spurious = b.effects.keys().filter(|k| !a.effects.contains_key(*k)).count();
-                let (mut n, mut voxels, mut worst) = (0, 0, 0);
-                for (k, x) in &a.effects {
-                    if let Some(y) = b.effects.get(k) {
-                        for i in 0..512 {
-                            voxels += 1;
-                            if x[i] != y[i] {
-                                n += 1;
-                                worst = worst.max((x[i] - y[i]).abs());
-                            }
-                        }
-                    }
-                }
-                println!(
-                    "{rule:?} {voxel} {w}x{h}: surfaces {differ} of {at}; cpu {} free {} mixed, gpu {} {}; missing {missing} spurious {spurious}, {n} of {voxels} differ, worst {worst}",
-                    a.culled.free.len(),
-                    a.culled.mixed.len(),
-                    b.culled.free.len(),
-                    b.culled.mixed.len()
-                );
-            }
-        }
-    }
+fn a_difference_is_noticed() {
+    let one: Effects = [([0; 3], [5; BLOCK_VOXELS]), ([1, 0, 0], [1; BLOCK_VOXELS])].into();
+    assert_eq!(difference(&one, &one), Difference { of: 2 * BLOCK_VOXELS, ..Difference::default() });
+    let mut other = one.clone();
+    other.get_mut(&[1, 0, 0]).unwrap()[77] = -6;
+    assert_eq!(difference(&one, &other), Difference { voxels: 1, most: 7, blocks: 0, of: 2 * BLOCK_VOXELS });
+    other.remove(&[0; 3]);
+    assert_eq!((difference(&one, &other).blocks, difference(&other, &one).blocks), (1, 1));
 }

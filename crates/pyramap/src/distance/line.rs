@@ -50,9 +50,9 @@ impl Line {
         let mut count = Count::new(self.places[self.places.len() - 1].sides);
         for place in self.places.iter_mut().rev() {
             let after = count.step(&place.sides);
-            for l in 0..8 {
-                let steps = after[l].min(place.squared[l]);
-                place.squared[l] = steps.saturating_mul(steps);
+            for (squared, after) in place.squared.iter_mut().zip(after) {
+                let steps = after.min(*squared);
+                *squared = steps.saturating_mul(steps);
             }
         }
     }
@@ -76,9 +76,9 @@ impl Line {
             if best.iter().fold(0, |open, lane| open | lane.saturating_sub(way)) == 0 {
                 break;
             }
-            for l in 0..8 {
+            for (l, best) in best.iter_mut().enumerate() {
                 let seen = |other: &Place| (other.squared[l] & !(other.sides[l] ^ here.sides[l])).saturating_add(way);
-                best[l] = best[l].min(seen(before)).min(seen(after));
+                *best = seen(before).min(seen(after)).min(*best);
             }
         }
         best
@@ -98,9 +98,8 @@ impl Count {
 
     #[inline(always)]
     fn step(&mut self, side: &Lanes) -> Lanes {
-        for l in 0..8 {
-            let changed = side[l] ^ self.side[l];
-            self.steps[l] = (self.steps[l] & !changed).saturating_add(1);
+        for ((steps, before), now) in self.steps.iter_mut().zip(&self.side).zip(side) {
+            *steps = (*steps & !(before ^ now)).saturating_add(1);
         }
         self.side = *side;
         self.steps
@@ -115,8 +114,47 @@ static LANES_OF_BITS: [Lanes; 256] = {
     let mut table = [[0; 8]; 256];
     let mut i = 0;
     while i < 256 * 8 {
-        table[i / 8][i % 8] = if i / 8 >> (i % 8) & 1 == 1 { u16::MAX } else { 0 };
+        table[i / 8][i % 8] = if (i / 8) >> (i % 8) & 1 == 1 { u16::MAX } else { 0 };
         i += 1;
     }
     table
 };
+
+#[cfg(test)]
+mod tests {
+    use super::super::reach::MAX_RADIUS;
+    use super::*;
+
+    /// The largest radius, where squares come near to the end of 16 bits; each lane with voxels inside at other places.
+    #[test]
+    fn the_widest_searches_are_those_of_a_naive_one() {
+        let inside = |place: usize| match place {
+            7 => 0b0000_0001,
+            290 => 0b0001_0110,
+            291..600 if place.is_multiple_of(97) => 0b1000_0100,
+            _ => 0,
+        };
+        let squared =
+            |place: usize| [u16::MAX, 64_000, 3, 0, 40_000, 17, 9999, 60_000].map(|n| n / (place % 5 + 1) as u16);
+        let mut line = Line::default();
+        line.read(MAX_RADIUS, (0..600).map(|place| (squared(place), inside(place))));
+        let mut counted = Line::default();
+        counted.read(MAX_RADIUS, (0..600).map(|place| (squared(place), inside(place))));
+        counted.count();
+        let most = (MAX_RADIUS * MAX_RADIUS) as u32;
+        for (place, lane) in (0..600).flat_map(|place| (0..8).map(move |lane| (place, lane))) {
+            let side = |place: usize| inside(place) >> lane & 1;
+            let nearest = |before: &dyn Fn(usize) -> u32| {
+                let seen = |other: usize| match side(other) == side(place) {
+                    true => before(other).saturating_add(other.abs_diff(place).pow(2) as u32),
+                    false => other.abs_diff(place).pow(2) as u32,
+                };
+                (0..600).map(seen).min().unwrap().min(most + 1)
+            };
+            let cut = |squared: u16| u32::from(squared).min(most + 1);
+            assert_eq!(cut(counted.at(place)[lane]), nearest(&|_| u32::MAX), "place {place}, lane {lane}");
+            let expected = nearest(&|other| u32::from(squared(other)[lane]));
+            assert_eq!(cut(line.lower_envelope(place)[lane]), expected, "place {place}, lane {lane}");
+        }
+    }
+}

@@ -1,21 +1,19 @@
 //! What is asked of a distance field: distances and gradients at points, and whole regions.
 
-use super::{DistanceField, Interpolation};
+use super::DistanceField;
 use crate::block::{BLOCK_EDGE, VoxelIndex, locate, voxel_offset};
-use crate::error::{Error, Result};
-use crate::query::check_finite;
+use crate::dense::{Dense, room};
+use crate::error::Result;
+use crate::query::{Interpolation, check_finite};
 use crate::region::{Region, VoxelBox};
 use crate::state::Unknown;
 use rayon::prelude::*;
-
-/// The most voxels that a region may have: 8 GiB of distances.
-const MAX_REGION: usize = 1 << 31;
 
 impl DistanceField {
     /// Signed distances at world points, metres. Beyond the map all is as far from anything as unknown space is.
     ///
     /// # Errors
-    /// [`Error::Parameter`] naming the first point that is not finite.
+    /// [`Error::Parameter`](crate::Error::Parameter) naming the first point that is not finite.
     pub fn distance(&self, points: &[[f64; 3]], interpolation: Interpolation) -> Result<Vec<f32>> {
         let one = |point: &[f64; 3]| match interpolation {
             Interpolation::Nearest => self.voxel(self.in_voxels(point, 0.0).0),
@@ -35,28 +33,21 @@ impl DistanceField {
         self.at(points, |point| self.slope(point))
     }
 
-    /// Signed distances of all voxels of a box, metres, the last axis running fastest; and how many there are on each
-    /// axis.
+    /// Signed distances of all voxels whose centres lie in a region, metres.
     ///
     /// # Errors
-    /// [`Error::Parameter`] if there are more than 2^31 voxels.
-    pub fn region(&self, region: &Region) -> Result<([usize; 3], Vec<f32>)> {
-        let VoxelBox { low, high } = region.voxels(self.voxel_size);
-        let size: [usize; 3] = std::array::from_fn(|a| (high[a] - low[a]) as usize);
-        if size.iter().try_fold(1, |all: usize, &length| all.checked_mul(length)).is_none_or(|all| all > MAX_REGION) {
-            let got = format!("{} x {} x {} voxels", size[0], size[1], size[2]);
-            return Err(Error::Parameter { name: "region", got, expected: format!("at most {MAX_REGION}") });
+    /// [`Error::Parameter`](crate::Error::Parameter) if the region has more than
+    /// [`MAX_DENSE_VOXELS`](crate::dense::MAX_DENSE_VOXELS), or more than there is memory for.
+    pub fn dense(&self, region: &Region) -> Result<Dense> {
+        let VoxelBox { low: first, high } = region.voxels(self.voxel_size);
+        let shape @ [_, y, z] = std::array::from_fn(|a| high[a].abs_diff(first[a]) as usize);
+        let mut values = room(shape)?;
+        if !values.is_empty() {
+            values.par_chunks_mut(z).enumerate().with_min_len(y.min(16)).for_each(|(row, values)| {
+                self.row([first[0] + (row / y) as i32, first[1] + (row % y) as i32, first[2]], values);
+            });
         }
-        let mut distances = vec![0.0; size.iter().product()];
-        if distances.is_empty() {
-            return Ok((size, distances));
-        }
-        distances.par_chunks_mut(size[1] * size[2]).enumerate().for_each(|(x, layer)| {
-            for (y, row) in layer.chunks_mut(size[2]).enumerate() {
-                self.row([low[0] + x as i32, low[1] + y as i32, low[2]], row);
-            }
-        });
-        Ok((size, distances))
+        Ok(Dense { values, shape, first })
     }
 
     /// A row of voxels along z, a block at a time.
@@ -69,7 +60,9 @@ impl DistanceField {
             let (here, after) = rest.split_at_mut(count);
             match self.tiles.get(key) {
                 Err(inside) => here.fill(self.signed(inside, self.reach.beyond())),
-                Ok(tile) => here.iter_mut().enumerate().for_each(|(z, distance)| *distance = self.in_tile(tile, offset + z)),
+                Ok(tile) => {
+                    here.iter_mut().enumerate().for_each(|(z, distance)| *distance = self.in_tile(tile, offset + z))
+                }
             }
             rest = after;
             voxel[2] += count as i32;

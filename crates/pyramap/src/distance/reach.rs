@@ -37,12 +37,6 @@ impl Reach {
         self.max_squared + 1
     }
 
-    /// How far along an axis a voxel may be from a place with this squared distance, and still count.
-    #[inline]
-    pub fn left_after(self, squared: u16) -> Option<usize> {
-        self.max_squared.checked_sub(squared).map(|left| left.isqrt().into())
-    }
-
     /// Blocks along an axis, either way, that a change in one must read: its reach, and that of what it reaches.
     pub fn blocks_read(self) -> i32 {
         (2 * self.radius()).div_ceil(BLOCK_EDGE) as i32

@@ -2,7 +2,7 @@
 
 use super::line::{Lanes, Line};
 use super::reach::Reach;
-use super::tile::{Tile, UNTOUCHED, bits, input, next_place, output};
+use super::tile::{Tile, UNCHANGED, UNTOUCHED, bits, input, next_place, output};
 use super::tiles::{Slot, Tiles};
 use crate::block::{BLOCK_EDGE, BlockKey};
 use rayon::prelude::*;
@@ -37,47 +37,49 @@ fn row_and_place<const AXIS: usize>(key: BlockKey) -> ([i32; 2], i32) {
     ([key[(AXIS + 1) % 3], key[(AXIS + 2) % 3]], key[AXIS])
 }
 
-/// Where a group of lines has changed: of each place, the least squared distance that was or is there. Before the first
-/// place and after the last stand as many unchanged ones as anything reaches.
+/// Where a group of lines has changed: of each place, the least squared distance that was or is there; nothing at all if
+/// none has. Before the first place and after the last stand as many unchanged ones as anything reaches.
 fn changes<const AXIS: usize>(run: &[&mut Tile], group: usize, reach: Reach) -> Vec<u16> {
-    let ends = reach.radius() + 1;
-    let mut changes = vec![u16::MAX; run.len() * BLOCK_EDGE + 2 * ends];
-    let places = changes[ends..].chunks_mut(BLOCK_EDGE);
-    for (changes, tile) in places.zip(run).filter(|(_, tile)| tile.is_touched()) {
-        for (place, change) in changes.iter_mut().enumerate() {
+    let ends = reach.radius();
+    let mut changes = Vec::new();
+    for (at, tile) in run.iter().enumerate().filter(|(_, tile)| tile.is_touched()) {
+        for place in 0..BLOCK_EDGE {
             // To those who look for its old side, or its new one, a voxel that changed sides is a place at no distance.
             let flipped = bits::<AXIS>(&tile.flips, group, place) != 0;
-            *change = if flipped { 0 } else { tile.touched[group * BLOCK_EDGE + place] };
+            let least = if flipped { 0 } else { tile.touched[group * BLOCK_EDGE + place] };
+            if least != UNCHANGED {
+                changes.resize(run.len() * BLOCK_EDGE + 2 * ends, UNCHANGED);
+                changes[ends + at * BLOCK_EDGE + place] = least;
+            }
         }
     }
     changes
 }
 
-/// The places of a group of lines whose values may change: those that a changed place was, or is, the nearest to.
+/// The places of a group of lines whose values may change: those that are as near to the other side, or nearer, by way
+/// of a change than they were. To all others the change makes no difference.
 fn affected<const AXIS: usize>(run: &[&mut Tile], group: usize, changes: &[u16], reach: Reach) -> Vec<usize> {
-    let ends = reach.radius() + 1;
-    let mut within_reach = vec![false; changes.len()];
-    for (at, &least) in changes.iter().enumerate() {
-        if let Some(far) = reach.left_after(least) {
-            within_reach[at - far..=at + far].fill(true);
-        }
-    }
-    let is_affected = |at: &usize| {
-        let tile = &run[at / BLOCK_EDGE];
-        let now = |lane| tile.squared[AXIS][output::<AXIS>(group, at % BLOCK_EDGE, lane)];
-        let farthest = (0..BLOCK_EDGE).map(now).fold(0, u16::max);
-        is_near_change(&changes[*at..=at + 2 * ends], farthest)
+    let farthest = |at: usize| {
+        let squared = &run[at / BLOCK_EDGE].squared[AXIS];
+        (0..BLOCK_EDGE).map(|lane| squared[output::<AXIS>(group, at % BLOCK_EDGE, lane)]).fold(0, u16::max)
     };
-    (0..run.len() * BLOCK_EDGE).filter(|at| within_reach[at + ends]).filter(is_affected).collect()
+    let by_changes = by_way_of(changes, reach.radius());
+    let near = by_changes.into_iter().enumerate().filter(|(_, squared)| *squared <= reach.beyond());
+    near.filter(|&(at, squared)| squared <= farthest(at)).map(|(at, _)| at).collect()
 }
 
-/// Whether the place in the middle is as near to the other side, or nearer, by way of a change than it was: if not, the
-/// change makes no difference to it.
-fn is_near_change(changes: &[u16], squared: u16) -> bool {
-    let (before, from_here) = changes.split_at(changes.len() / 2);
-    let pairs = before.iter().rev().zip(&from_here[1..]).map(|(before, after)| *before.min(after));
-    let nearest = std::iter::once(from_here[0]).chain(pairs);
-    (0_u16..).map(|step| step * step).zip(nearest).take_while(|(way, _)| *way <= squared).any(|(way, least)| least <= squared - way)
+/// The lower envelope of changes, without the unchanged ends.
+fn by_way_of(changes: &[u16], radius: usize) -> Vec<u16> {
+    let Some(places) = changes.len().checked_sub(2 * radius) else { return Vec::new() };
+    let mut envelope = changes[radius..][..places].to_vec();
+    for step in 1..=radius {
+        let way = (step * step) as u16;
+        let sides = changes[radius - step..].iter().zip(&changes[radius + step..]);
+        for (squared, (before, after)) in envelope.iter_mut().zip(sides) {
+            *squared = (*squared).min((*before).min(*after).saturating_add(way));
+        }
+    }
+    envelope
 }
 
 /// Computes places of a group of lines, given in their order, and notes what changed.
@@ -85,10 +87,13 @@ fn compute<const AXIS: usize>(line: &mut Line, run: &mut [&mut Tile], group: usi
     let (radius, beyond) = (reach.radius(), reach.beyond());
     let first = places[0].saturating_sub(radius);
     let end = (places[places.len() - 1] + radius + 1).min(run.len() * BLOCK_EDGE);
-    line.read(radius, (first..end).map(|at| {
-        let (tile, place) = (&run[at / BLOCK_EDGE], at % BLOCK_EDGE);
-        (load::<AXIS>(tile, group, place), bits::<AXIS>(&tile.inside, group, place))
-    }));
+    line.read(
+        radius,
+        (first..end).map(|at| {
+            let (tile, place) = (&run[at / BLOCK_EDGE], at % BLOCK_EDGE);
+            (load::<AXIS>(tile, group, place), bits::<AXIS>(&tile.inside, group, place))
+        }),
+    );
     if AXIS == 0 {
         line.count();
     }

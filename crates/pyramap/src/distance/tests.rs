@@ -1,8 +1,9 @@
 //! Against a naive transform, and against a field made anew after every change.
 
-use super::{DistanceField, Interpolation};
+use super::DistanceField;
 use crate::block::{BLOCK_VOXELS, Block, BlockData, BlockKey, Blocks, VoxelIndex, locate};
 use crate::error::Error;
+use crate::query::Interpolation;
 use crate::region::Region;
 use crate::state::Unknown;
 use std::collections::HashMap;
@@ -84,7 +85,8 @@ fn naive(map: &Voxels, voxel: VoxelIndex, max_distance: f64, unknown: Unknown) -
 /// Boxes of occupied and free voxels, with single ones strewn among them.
 fn scatter(map: &mut Voxels, random: &mut Random, boxes: usize) {
     for _ in 0..boxes {
-        let (corner, size, evidence) = (random.within(-20, 20), random.within(1, 14), [-5, -5, 7][random.below(3) as usize]);
+        let (corner, size, evidence) =
+            (random.within(-20, 20), random.within(1, 14), [-5, -5, 7][random.below(3) as usize]);
         for x in 0..size[0] {
             for y in 0..size[1] {
                 for z in 0..size[2] {
@@ -138,7 +140,10 @@ fn an_update_gives_what_a_new_field_would() {
             field.update(&map).unwrap();
             let anew = DistanceField::new(&map, max_distance, unknown).unwrap();
             assert_eq!(field.num_blocks(), anew.num_blocks(), "blocks in round {round}");
-            assert!(field.region(&everywhere).unwrap() == anew.region(&everywhere).unwrap(), "distances in round {round}");
+            assert!(
+                field.dense(&everywhere).unwrap() == anew.dense(&everywhere).unwrap(),
+                "distances in round {round}"
+            );
             assert_eq!(field.update(&map).unwrap(), 0, "nothing has changed since");
         }
     }
@@ -151,20 +156,20 @@ fn a_region_is_its_voxels() {
     let field = DistanceField::new(&map, 0.7, Unknown::Free).unwrap();
     let (low, high) = ([-13, 2, -9], [5, 11, 14]);
     let corner = |voxel: VoxelIndex| voxel.map(|i| f64::from(i) * VOXEL_SIZE);
-    let (size, region) = field.region(&Region::new(corner(low), corner(high)).unwrap()).unwrap();
-    assert_eq!(size, [18, 9, 23]);
-    let mut region = region.into_iter();
+    let dense = field.dense(&Region::new(corner(low), corner(high)).unwrap()).unwrap();
+    assert_eq!((dense.first, dense.shape), (low, [18, 9, 23]));
+    let mut values = dense.values.into_iter();
     for x in low[0]..high[0] {
         for y in low[1]..high[1] {
             for z in low[2]..high[2] {
                 let centre = [x, y, z].map(|i| (f64::from(i) + 0.5) * VOXEL_SIZE);
-                assert_eq!(region.next(), Some(field.distance(&[centre], Interpolation::Nearest).unwrap()[0]));
+                assert_eq!(values.next(), Some(field.distance(&[centre], Interpolation::Nearest).unwrap()[0]));
             }
         }
     }
-    assert_eq!(region.next(), None);
+    assert_eq!(values.next(), None);
     // No voxel has its centre in there.
-    assert_eq!(field.region(&Region::new([0.0; 3], [0.04; 3]).unwrap()).unwrap(), ([0; 3], vec![]));
+    assert!(field.dense(&Region::new([0.0; 3], [0.04; 3]).unwrap()).unwrap().values.is_empty());
 }
 
 #[test]
@@ -245,6 +250,6 @@ fn bad_input_is_named() {
     assert!(matches!(field.distance(&points, Interpolation::Nearest), Err(Error::Parameter { name: "points", .. })));
     assert!(matches!(field.gradient(&points), Err(Error::Parameter { name: "points", .. })));
     let endless = Region::new([0.0; 3], [1.0, f64::INFINITY, 1.0]).unwrap();
-    assert!(matches!(field.region(&endless), Err(Error::Parameter { name: "region", .. })));
+    assert!(matches!(field.dense(&endless), Err(Error::Parameter { name: "region", .. })));
     assert_eq!(field.distance(&[[1e300, -1e300, 0.0]], Interpolation::Trilinear).unwrap(), [1.0]);
 }

@@ -6,8 +6,10 @@ use crate::mask::Mask;
 /// For every place of every group of lines in a block, the least of what was and is there, if that is not the same. A pass
 /// moves through places, at each of which eight lines of a group lie side by side.
 pub type Touched = [u16; BLOCK_EDGE * BLOCK_EDGE];
-/// Nothing changed.
-pub const UNTOUCHED: Touched = [u16::MAX; BLOCK_EDGE * BLOCK_EDGE];
+/// Of a place: nothing changed.
+pub const UNCHANGED: u16 = u16::MAX;
+/// Of a block: nothing changed.
+pub const UNTOUCHED: Touched = [UNCHANGED; BLOCK_EDGE * BLOCK_EDGE];
 
 /// Distances in one block.
 ///

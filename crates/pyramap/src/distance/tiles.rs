@@ -33,7 +33,7 @@ impl Change {
 /// All tiles, and what is known of the blocks.
 pub struct Tiles {
     cells: HashMap<BlockKey, Cell>,
-    // Boxed, so that a large field grows without being moved.
+    #[expect(clippy::vec_box, reason = "a large field grows without being moved")]
     tiles: Vec<Box<Tile>>,
     ball: Vec<BlockKey>,
     beyond: u16,
@@ -115,7 +115,9 @@ impl Tiles {
 
     /// Bytes taken by tiles and table.
     pub fn nbytes(&self) -> usize {
-        self.tiles.len() * size_of::<Tile>() + self.tiles.capacity() * size_of::<Box<Tile>>() + self.cells.allocation_size()
+        self.tiles.len() * size_of::<Tile>()
+            + self.tiles.capacity() * size_of::<Box<Tile>>()
+            + self.cells.allocation_size()
     }
 
     /// Changes sides of voxels and makes tiles where they are needed now; gives the tiles with changes, which are then to

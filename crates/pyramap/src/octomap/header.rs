@@ -82,17 +82,15 @@ impl Header {
             voxel_size.ok_or_else(|| format!("its res is {res:?}, expected a positive number of metres"))?;
         Ok(Self { format, colour, nodes, voxel_size })
     }
+}
 
-    /// The header as OctoMap writes it.
-    pub fn to_bytes(&self) -> Vec<u8> {
-        let first = match self.format {
-            Format::Binary => BINARY_FIRST,
-            Format::Full => FULL_FIRST,
-        };
-        let id = if self.colour { "ColorOcTree" } else { "OcTree" };
-        let (nodes, voxel_size) = (self.nodes, self.voxel_size);
-        format!("{first}\n{SECOND}\n#\nid {id}\nsize {nodes}\nres {voxel_size}\ndata\n").into_bytes()
-    }
+/// The header that OctoMap writes before so many nodes.
+pub fn text(format: Format, nodes: u64, voxel_size: f64) -> String {
+    let first = match format {
+        Format::Binary => BINARY_FIRST,
+        Format::Full => FULL_FIRST,
+    };
+    format!("{first}\n{SECOND}\n#\nid OcTree\nsize {nodes}\nres {voxel_size}\ndata\n")
 }
 
 /// Takes one line off; `None` if none ends. What is no text is no word that means something.

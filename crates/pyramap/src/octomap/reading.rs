@@ -49,7 +49,8 @@ impl Leaves {
 
     /// Takes in a leaf, whose voxels all have these log-odds.
     pub fn add(&mut self, cube: Cube, log_odds: f32) -> std::result::Result<(), String> {
-        if !(f64::from(log_odds).abs() < log_odds::from_fixed(i32::MAX)) {
+        let fits = f64::from(log_odds).abs() < log_odds::from_fixed(i32::MAX);
+        if !fits {
             return Err(format!("a leaf has log-odds of {log_odds}"));
         }
         let leaf = Leaf { cube, log_odds };

@@ -271,3 +271,68 @@ impl Marker {
         self.marked
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const EDGE: f64 = 0.125;
+
+    fn visited(origin: Point, end: Point) -> Vec<VoxelIndex> {
+        let mut voxels = Vec::new();
+        traverse(origin, end, EDGE, |voxel| voxels.push(voxel));
+        voxels
+    }
+
+    /// Whether a segment comes within a hair of a voxel.
+    fn cuts(origin: Point, end: Point, voxel: VoxelIndex) -> bool {
+        let (mut enter, mut leave) = (0.0f64, 1.0f64);
+        for axis in 0..3 {
+            let (from, along) = (f64::from(origin[axis]), f64::from(end[axis]) - f64::from(origin[axis]));
+            let (low, high) = (f64::from(voxel[axis]) * EDGE - 1e-5, f64::from(voxel[axis] + 1) * EDGE + 1e-5);
+            if along == 0.0 {
+                if !(low..=high).contains(&from) {
+                    return false;
+                }
+                continue;
+            }
+            let (a, b) = ((low - from) / along, (high - from) / along);
+            (enter, leave) = (enter.max(a.min(b)), leave.min(a.max(b)));
+        }
+        enter <= leave
+    }
+
+    #[test]
+    fn a_ray_goes_from_voxel_to_voxel_up_to_its_end() {
+        // A few hundred directions, by a sequence that fills the cube evenly, and every axis and diagonal.
+        let spread =
+            (0..400).map(|n| [0.819_172_5, 0.671_043_6, 0.549_700_5].map(|a: f32| (n as f32 * a).fract() - 0.5));
+        let lattice = (0..27).map(|n| [n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1].map(|c| c as f32 / 4.0));
+        for (n, direction) in spread.chain(lattice).enumerate() {
+            let origin = [0.03, -0.4, 0.11 + n as f32 * 0.01];
+            let end: Point = std::array::from_fn(|axis| origin[axis] + 8.0 * direction[axis]);
+            let (first, last) = (voxel_of(origin, EDGE), voxel_of(end, EDGE));
+            let mut way = visited(origin, end);
+            assert!(!way.contains(&last));
+            assert!(way.iter().all(|&voxel| cuts(origin, end, voxel)), "{origin:?} to {end:?}: {way:?}");
+            way.push(last);
+            assert_eq!(way[0], first);
+            for step in way.windows(2) {
+                let moved: i32 = (0..3).map(|axis| (step[1][axis] - step[0][axis]).abs()).sum();
+                assert_eq!(moved, 1, "{origin:?} to {end:?}: {step:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_ray_within_a_voxel_passes_nothing() {
+        assert!(visited([0.01, 0.02, 0.03], [0.1, 0.12, 0.001]).is_empty());
+        assert!(visited([0.5; 3], [0.5; 3]).is_empty());
+    }
+
+    #[test]
+    fn a_ray_ends_at_the_range() {
+        assert_eq!(shortened([1.0, 2.0, 3.0], [1.0, 2.0, 7.0], 4.0), None);
+        assert_eq!(shortened([1.0, 2.0, 3.0], [1.0, 2.0, 13.0], 4.0), Some([1.0, 2.0, 7.0]));
+    }
+}
