@@ -325,11 +325,11 @@ def test_memory_stays_flat(on_gpu: Callable[..., pm.OccupancyGrid]) -> None:
 
 
 def test_a_missing_adapter_is_named_with_what_was_found() -> None:
-    with pytest.raises(pm.DeviceError, match='"no such card"') as raised:
+    with pytest.raises(pm.DeviceNotFoundError, match='"no such card"') as raised:
         make_grid(backend="gpu", adapter="no such card")
     for device in pm.devices():
         assert device.name in str(raised.value)
-    with pytest.raises(pm.DeviceError):
+    with pytest.raises(pm.DeviceNotFoundError):
         make_grid(backend="auto", adapter="no such card")
     with pytest.raises(ValueError, match='adapter is "x", expected none for backend "cpu"'):
         make_grid(backend="cpu", adapter="x")
@@ -348,7 +348,7 @@ assert pm.devices() == []
 assert pm.OccupancyGrid(0.1).backend == "cpu"
 try:
     pm.OccupancyGrid(0.1, backend="gpu")
-except pm.DeviceError as error:
+except pm.DeviceNotFoundError as error:
     print(error)
 """
     nothing = {**os.environ, "VK_DRIVER_FILES": "/nonexistent", "VK_ICD_FILENAMES": "/nonexistent"}
@@ -359,17 +359,18 @@ except pm.DeviceError as error:
     assert "no GPU was found" in done.stdout and "mesa-vulkan-drivers" in done.stdout
 
 
-def test_the_ideal_rule_stays_on_the_cpu(on_gpu: Callable[..., pm.OccupancyGrid]) -> None:
-    with pytest.raises(ValueError, match="ideal"):
-        on_gpu(update="ideal")
-    assert make_grid(update="ideal", backend="auto").backend == "cpu"
+@pytest.mark.parametrize("update", ["ideal", "rays"])
+def test_some_rules_stay_on_the_cpu(on_gpu: Callable[..., pm.OccupancyGrid], update: str) -> None:
+    with pytest.raises(ValueError, match=f'update="{update}" on a GPU is not possible'):
+        on_gpu(update=update)
+    assert make_grid(update=update, backend="auto").backend == "cpu"
 
 
 def _use_in_child(grid: pm.OccupancyGrid, answers: Any) -> None:
     try:
         grid.integrate(*wall(1.0))
         answers.put("no error")
-    except pm.DeviceError as error:
+    except pm.DeviceForkedError as error:
         answers.put(str(error))
     # What needs no device goes on.
     cpu = pm.OccupancyGrid(VOXEL_SIZE, backend="auto")

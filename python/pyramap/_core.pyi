@@ -10,8 +10,10 @@ __all__ = [
     "OCTOMAP_CLAMP",
     "Device",
     "DeviceError",
+    "DeviceForkedError",
     "DeviceLostError",
     "DeviceMemoryError",
+    "DeviceNotFoundError",
     "DistanceField",
     "FrameStats",
     "Frontiers",
@@ -46,8 +48,10 @@ OCTOMAP_CLAMP: tuple[float, float]
 
 class MapFullError(Exception): ...
 class DeviceError(Exception): ...
+class DeviceForkedError(DeviceError): ...
 class DeviceLostError(DeviceError): ...
 class DeviceMemoryError(DeviceError): ...
+class DeviceNotFoundError(DeviceError): ...
 
 @final
 class Device:

@@ -171,7 +171,7 @@ pub fn arguments() -> Kernel {
     kernel("arguments_of_pages", &[], &buffers, &[include_str!("arguments.wgsl")])
 }
 
-/// Increments of mixed blocks. There is none for the rule `ideal`.
+/// Increments of mixed blocks. There is none for the rules `ideal` and `rays`.
 pub fn update(rule: UpdateRule, sigma: Sigma) -> Option<Kernel> {
     let bilinear = include_str!("update/bilinear.wgsl");
     let rule_files = match rule {

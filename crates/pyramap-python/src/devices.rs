@@ -62,7 +62,7 @@ impl Device {
 /// The graphics adapters of this machine, in the system's order; none where no driver is installed.
 ///
 /// Raises:
-///     DeviceError: In a process forked from one that had asked before: drivers do not survive that.
+///     DeviceForkedError: In a process forked from one that had asked before: drivers do not survive that.
 #[pyfunction]
 pub fn devices(py: Python<'_>) -> PyResult<Vec<Device>> {
     leave_window_system_alone(py)?;

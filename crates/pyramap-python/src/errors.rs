@@ -22,6 +22,18 @@ create_exception!(
 );
 create_exception!(
     pyramap,
+    DeviceNotFoundError,
+    DeviceError,
+    "There is no such GPU, or none that can be used. The message says what was found and what to install."
+);
+create_exception!(
+    pyramap,
+    DeviceForkedError,
+    DeviceError,
+    "This process was forked from one that had opened a GPU; devices do not survive that."
+);
+create_exception!(
+    pyramap,
     DeviceLostError,
     DeviceError,
     "The GPU went away, or hangs. What had not been read from it before is gone."
@@ -38,9 +50,13 @@ pub fn to_py(error: Error) -> PyErr {
     let message = error.to_string();
     match error {
         Error::MapFull { .. } => MapFullError::new_err(message),
-        Error::Device { fault: DeviceFault::Lost, .. } => DeviceLostError::new_err(message),
-        Error::Device { fault: DeviceFault::OutOfMemory, .. } => DeviceMemoryError::new_err(message),
-        Error::Device { .. } => DeviceError::new_err(message),
+        Error::Device { fault, .. } => match fault {
+            DeviceFault::NotFound => DeviceNotFoundError::new_err(message),
+            DeviceFault::Lost => DeviceLostError::new_err(message),
+            DeviceFault::OutOfMemory => DeviceMemoryError::new_err(message),
+            DeviceFault::Forked => DeviceForkedError::new_err(message),
+            DeviceFault::Internal => DeviceError::new_err(message),
+        },
         Error::File { .. } => PyOSError::new_err(message),
         Error::Io { source, .. } => match source.kind() {
             ErrorKind::NotFound => PyFileNotFoundError::new_err(message),

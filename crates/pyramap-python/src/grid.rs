@@ -39,7 +39,7 @@ use std::sync::{Arc, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
 ///         frame; `sensor_model` is not asked, OctoMap's clamp is `OCTOMAP_CLAMP`, and `integrate_points` takes point
 ///         clouds.
 ///     backend: "cpu"; "gpu", through Vulkan, Metal or DirectX 12; or "auto": a real GPU if there is one, else the CPU.
-///         A GPU has all rules but "ideal". It agrees with the CPU within 1e-3 log-odds a frame.
+///         A GPU has the rules "pyramid", "area" and "min_layer". It agrees with the CPU within 1e-3 log-odds a frame.
 ///     clamp: `(low, high)` log-odds within which voxels are kept, so that the map follows changes quickly; one below and
 ///         one above the prior's. Frames cannot be removed then, and their order matters. Default: no bounds.
 ///     max_bytes: The most that `nbytes` may come to. Default: no limit.
@@ -51,7 +51,8 @@ use std::sync::{Arc, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
 ///
 /// Raises:
 ///     ValueError: If a parameter is out of its range; the message names it.
-///     DeviceError: If a GPU is asked for and there is none that can be used; the message says what was found.
+///     DeviceNotFoundError: If a GPU is asked for and there is none that can be used; the message says what was found.
+///     DeviceForkedError: If this process was forked from one that had opened a GPU.
 #[pyclass(frozen, module = "pyramap")]
 pub struct OccupancyGrid(SharedGrid, AtomicU64);
 
@@ -209,7 +210,7 @@ impl OccupancyGrid {
     ///     OSError: If the file cannot be read (FileNotFoundError, PermissionError), is no map, is cut off or altered in
     ///         any place, or comes from a newer version; the message names the file.
     ///     ValueError: If there is no such backend.
-    ///     DeviceError: If a GPU is asked for and there is none that can be used.
+    ///     DeviceNotFoundError: If a GPU is asked for and there is none that can be used.
     #[staticmethod]
     #[pyo3(signature = (path, backend = "auto", adapter = None))]
     fn load(py: Python<'_>, path: PathBuf, backend: &str, adapter: Option<String>) -> PyResult<Self> {

@@ -24,6 +24,8 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add("__version__", env!("CARGO_PKG_VERSION"))?;
     m.add("MapFullError", m.py().get_type::<errors::MapFullError>())?;
     m.add("DeviceError", m.py().get_type::<errors::DeviceError>())?;
+    m.add("DeviceForkedError", m.py().get_type::<errors::DeviceForkedError>())?;
+    m.add("DeviceNotFoundError", m.py().get_type::<errors::DeviceNotFoundError>())?;
     m.add("DeviceLostError", m.py().get_type::<errors::DeviceLostError>())?;
     m.add("DeviceMemoryError", m.py().get_type::<errors::DeviceMemoryError>())?;
     m.add_class::<devices::Device>()?;

@@ -60,7 +60,7 @@ impl GpuBackend {
     /// A place on an adapter, chosen as by [`Gpu::open`].
     ///
     /// # Errors
-    /// [`Error::Device`]; [`Error::Unsupported`] for the rule `ideal`.
+    /// [`Error::Device`]; [`Error::Unsupported`] for the rules `ideal` and `rays`.
     pub fn new(config: &GridConfig, adapter: Option<&str>) -> Result<Self> {
         Self::on(Gpu::open(adapter)?, config, Sizes::of(config))
     }
@@ -72,7 +72,7 @@ impl GpuBackend {
     ///
     /// # Errors
     /// [`Error::Device`], also if the device was opened with limits below WebGPU's defaults; [`Error::Unsupported`] for
-    /// the rule `ideal`.
+    /// the rules `ideal` and `rays`.
     pub fn with_device(device: wgpu::Device, queue: wgpu::Queue, name: &str, config: &GridConfig) -> Result<Self> {
         Self::on(Arc::new(Gpu::owned_elsewhere(device, queue, name.to_owned())?), config, Sizes::of(config))
     }
@@ -80,7 +80,7 @@ impl GpuBackend {
     /// A place on an open device.
     ///
     /// # Errors
-    /// [`Error::Device`]; [`Error::Unsupported`] for the rule `ideal`; [`Error::Parameter`] if a page would be larger
+    /// [`Error::Device`]; [`Error::Unsupported`] for the rules `ideal` and `rays`; [`Error::Parameter`] if a page would be larger
     /// than devices allow.
     pub fn on(gpu: Arc<Gpu>, config: &GridConfig, sizes: Sizes) -> Result<Self> {
         let pool = Pool::new(sizes.page_blocks)?;

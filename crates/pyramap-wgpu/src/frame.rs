@@ -19,7 +19,7 @@ use pyramap::config::GridConfig;
 use pyramap::error::Result;
 use pyramap::ranges::range_per_depth;
 use pyramap::stats::{StageSeconds, Stopwatch};
-use pyramap::update::{Change, UpdateRule};
+use pyramap::update::Change;
 use pyramap::view::View;
 use pyramap::{Depth, DepthImage, PinholeCamera, Pose};
 use pyramap_shaders::{Format, Sigma, UNIFORM};
@@ -47,7 +47,7 @@ impl Frames {
     /// For a map's frames.
     ///
     /// # Errors
-    /// [`pyramap::Error::Unsupported`] for the rule `ideal`; as [`Gpu::buffer`].
+    /// [`pyramap::Error::Unsupported`] for the rules `ideal` and `rays`; as [`Gpu::buffer`].
     pub fn new(gpu: &Gpu, config: &GridConfig) -> Result<Self> {
         Self::with_room(gpu, config, Room::USUAL)
     }
@@ -57,8 +57,8 @@ impl Frames {
     /// # Errors
     /// As [`Frames::new`].
     pub fn with_room(gpu: &Gpu, config: &GridConfig, room: Room) -> Result<Self> {
-        if config.update == UpdateRule::Ideal {
-            return Err(stages::not_here());
+        if pyramap_shaders::update(config.update, Sigma::Constant).is_none() {
+            return Err(stages::not_here(config.update));
         }
         let model = Model::new(config);
         let entries: &[u8] = bytemuck::cast_slice(model.table.entries());

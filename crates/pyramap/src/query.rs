@@ -1,6 +1,6 @@
 //! Questions at points: log-odds, probability, and whether a voxel is free, occupied or unknown.
 
-use crate::block::{BLOCK_VOXELS, Block, BlockKey, Blocks, locate};
+use crate::block::{BLOCK_VOXELS, Block, BlockKey, Blocks, VoxelIndex, locate};
 use crate::error::{Error, Result};
 use crate::grid::OccupancyGrid;
 use crate::log_odds;
@@ -30,8 +30,8 @@ impl OccupancyGrid {
     pub fn log_odds(&self, points: &[[f64; 3]], interpolation: Interpolation) -> Result<Vec<f32>> {
         let l_0 = self.prior_log_odds();
         match interpolation {
-            Interpolation::Nearest => self.at(points, |blocks, point| known_log_odds(evidence(blocks, point), l_0)),
-            Interpolation::Trilinear => self.at(points, |blocks, point| match interpolated(blocks, point) {
+            Interpolation::Nearest => self.nearest(points, |evidence| known_log_odds(evidence, l_0)),
+            Interpolation::Trilinear => self.trilinear(points, |evidence| match evidence {
                 None => 0.0,
                 Some(evidence) => (evidence + l_0) as f32,
             }),
@@ -48,12 +48,8 @@ impl OccupancyGrid {
         let l_0 = self.prior_log_odds();
         let probability = |evidence: f64| log_odds::to_probability(evidence + l_0) as f32;
         match interpolation {
-            Interpolation::Nearest => {
-                self.at(points, |blocks, point| probability(log_odds::from_fixed(evidence(blocks, point))))
-            }
-            Interpolation::Trilinear => {
-                self.at(points, |blocks, point| probability(interpolated(blocks, point).unwrap_or(0.0)))
-            }
+            Interpolation::Nearest => self.nearest(points, |evidence| probability(log_odds::from_fixed(evidence))),
+            Interpolation::Trilinear => self.trilinear(points, |evidence| probability(evidence.unwrap_or(0.0))),
         }
     }
 
@@ -63,7 +59,7 @@ impl OccupancyGrid {
     /// As [`OccupancyGrid::log_odds`].
     pub fn state(&self, points: &[[f64; 3]]) -> Result<Vec<State>> {
         let threshold = Threshold::of(self);
-        self.at(points, |blocks, point| threshold.state(evidence(blocks, point)))
+        self.nearest(points, |evidence| threshold.state(evidence))
     }
 
     /// The keys of all blocks that hold something, sorted.
@@ -93,30 +89,52 @@ impl OccupancyGrid {
         Ok(out)
     }
 
-    /// Answers for each point, which is given in voxels.
-    fn at<T: Send>(
+    /// Answers by the evidence of the voxels that contain the points.
+    fn nearest<T: Copy + Default + Send>(
         &self,
         points: &[[f64; 3]],
-        answer: impl Fn(&Lookup<Self>, [f64; 3]) -> T + Sync,
+        answer: impl Fn(i32) -> T + Sync,
     ) -> Result<Vec<T>> {
+        /// So many points at a time: first which voxels they are in, then what those hold. Each point alone would take
+        /// longer, since a processor that has guessed a block wrongly throws away all that it has begun on later points.
+        const CHUNK: usize = 64;
         check_finite("points", points)?;
         self.fetch()?;
         let (blocks, voxel_size) = (Lookup::new(self, points.len()), self.voxel_size());
-        let answer = |point: &[f64; 3]| answer(&blocks, each(|a| point[a] / voxel_size));
+        let mut answers = vec![T::default(); points.len()];
+        let chunks = answers.par_chunks_mut(CHUNK).zip(points.par_chunks(CHUNK)).with_min_len(16);
+        chunks.for_each(|(answers, points)| {
+            let mut voxels = [[0; 3]; CHUNK];
+            for (voxel, point) in voxels.iter_mut().zip(points) {
+                *voxel = each(|a| floor(point[a] / voxel_size));
+            }
+            for (out, voxel) in answers.iter_mut().zip(voxels) {
+                *out = answer(evidence(&blocks, voxel));
+            }
+        });
+        Ok(answers)
+    }
+
+    /// Answers by interpolated evidence.
+    fn trilinear<T: Send>(&self, points: &[[f64; 3]], answer: impl Fn(Option<f64>) -> T + Sync) -> Result<Vec<T>> {
+        check_finite("points", points)?;
+        self.fetch()?;
+        let (blocks, voxel_size) = (Lookup::new(self, points.len()), self.voxel_size());
+        let answer = |point: &[f64; 3]| answer(interpolated(&blocks, each(|a| point[a] / voxel_size)));
         Ok(points.par_iter().with_min_len(1024).map(answer).collect())
     }
 }
 
-/// Stored evidence of the voxel that contains a point; beyond all coordinates, as wherever nothing is stored, 0.
+/// Stored evidence of a voxel; 0 wherever nothing is stored.
 #[inline(always)]
-fn evidence(blocks: &impl Blocks, point: [f64; 3]) -> i32 {
-    let (key, offset) = locate(each(|a| floor(point[a])));
+fn evidence(blocks: &impl Blocks, voxel: VoxelIndex) -> i32 {
+    let (key, offset) = locate(voxel);
     blocks.block(key).map_or(0, |block| block.value(offset))
 }
 
 /// Evidence as log-odds, interpolated between known voxels; `None` in unknown ones.
 fn interpolated(blocks: &impl Blocks, point: [f64; 3]) -> Option<f64> {
-    if evidence(blocks, point) == 0 {
+    if evidence(blocks, each(|a| floor(point[a]))) == 0 {
         return None;
     }
     let first = each(|a| floor(point[a] - 0.5));
@@ -143,8 +161,7 @@ fn interpolated(blocks: &impl Blocks, point: [f64; 3]) -> Option<f64> {
 
 /// Refuses rows that are not finite, by the name of the argument.
 pub(crate) fn check_finite<const N: usize>(name: &'static str, rows: &[[f64; N]]) -> Result<()> {
-    let bad = |row: &[f64; N]| row.iter().any(|c| !c.is_finite());
-    match rows.par_iter().with_min_len(4096).position_first(bad) {
+    match first_row_with(rows, |c| !c.is_finite()) {
         None => Ok(()),
         Some(row) => Err(Error::Parameter {
             name,
@@ -152,6 +169,15 @@ pub(crate) fn check_finite<const N: usize>(name: &'static str, rows: &[[f64; N]]
             expected: "finite coordinates, metres".into(),
         }),
     }
+}
+
+/// The first row with such a number.
+pub(crate) fn first_row_with<const N: usize>(rows: &[[f64; N]], such: impl Fn(f64) -> bool + Sync) -> Option<usize> {
+    /// So many rows are looked through without a branch, in vector instructions.
+    const CHUNK: usize = 1024;
+    let any = |numbers: &[f64]| numbers.iter().fold(false, |any, &c| any | such(c));
+    let first = CHUNK * rows.par_chunks(CHUNK).with_min_len(8).position_first(|rows| any(rows.as_flattened()))?;
+    rows[first..].iter().position(|row| any(row)).map(|n| first + n)
 }
 
 pub(crate) fn known_log_odds(evidence: i32, l_0: f64) -> f32 {

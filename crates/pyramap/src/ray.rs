@@ -27,6 +27,11 @@ pub struct Place {
     pub distance: f64,
 }
 
+/// The squares of what is shorter than this might vanish, and those of what is longer than its inverse overflow.
+const SMALL: f64 = 1e-100;
+/// To make up for that: 2^700.
+const HUGE: f64 = f64::from_bits((1023 + 700) << 52);
+
 /// In numbers of this size the last bit counts ones: what is added to them is rounded to a whole number, which the low
 /// bits hold.
 pub const ONES: f64 = (3_u64 << 51) as f64;
@@ -39,18 +44,20 @@ impl Ray {
     /// A ray from an origin given in voxels, which lies within `i32`, along a direction of any length but zero.
     #[inline(always)]
     pub fn new(origin: [f64; 3], direction: [f64; 3]) -> Self {
-        // Scaled first, so that squares neither overflow nor vanish.
-        let largest = direction[0].abs().max(direction[1].abs()).max(direction[2].abs());
-        let scaled = if (1e-100..1e100).contains(&largest) { direction } else { each(|a| direction[a] / largest) };
+        // Scaled first, exactly, so that squares neither overflow nor vanish.
+        let largest = most(most(direction[0].abs(), direction[1].abs()), direction[2].abs());
+        let scale = if largest < SMALL { HUGE } else { 1.0 };
+        let scale = if largest > 1.0 / SMALL { 1.0 / HUGE } else { scale };
+        let scaled = each(|a| direction[a] * scale);
         let length = (scaled[0] * scaled[0] + scaled[1] * scaled[1] + scaled[2] * scaled[2]).sqrt();
         let (inverse, one) = (each(|a| length / scaled[a]), 1.0 / length);
         // A component without a finite inverse never leads to another voxel: it counts as none, and as upwards.
-        let moves = each(|a| inverse[a].is_finite());
+        let moves = each(|a| inverse[a].abs() <= f64::MAX);
         Self {
             origin,
             direction: each(|a| if moves[a] { scaled[a] * one } else { 0.0 }),
             inverse: each(|a| if moves[a] { inverse[a] } else { f64::INFINITY }),
-            upwards: each(|a| !moves[a] || scaled[a] > 0.0),
+            upwards: each(|a| !moves[a] | (scaled[a] > 0.0)),
         }
     }
 
@@ -147,15 +154,29 @@ impl Ray {
     }
 }
 
-/// The whole part of a number, rounded down, as far as `i32` goes: `f64::floor` is a call where processors may lack it.
+/// The whole part of a number, rounded down, as far as `i32` goes: `f64::floor` and `as` take many more instructions.
 #[inline(always)]
 pub fn floor(x: f64) -> i32 {
-    let truncated = x as i32;
-    truncated.saturating_sub(i32::from(f64::from(truncated) > x))
+    let x = x.clamp(f64::from(i32::MIN), f64::from(i32::MAX));
+    let nearest = (x + ONES) - ONES;
+    let whole = if nearest > x { nearest - 1.0 } else { nearest };
+    (whole + ONES).to_bits() as i32
 }
 
 /// One of each axis. [`std::array::from_fn`] does the same, but the compiler may make three calls of it.
 #[inline(always)]
 pub fn each<T>(of: impl Fn(usize) -> T) -> [T; 3] {
     [of(0), of(1), of(2)]
+}
+
+/// `f64::min` without its care for NaN, which takes three more instructions.
+#[inline(always)]
+pub fn least(a: f64, b: f64) -> f64 {
+    if a < b { a } else { b }
+}
+
+/// The same for `f64::max`.
+#[inline(always)]
+pub fn most(a: f64, b: f64) -> f64 {
+    if a > b { a } else { b }
 }

@@ -12,10 +12,11 @@ use crate::block::{BLOCK_EDGE, Block, BlockKey, Blocks, VoxelIndex, locate};
 use crate::error::{Error, Result};
 use crate::grid::OccupancyGrid;
 use crate::mask::Mask;
+use crate::query::first_row_with;
 use crate::ray::{Place, Ray, each};
 use crate::state::{State, Threshold, Unknown};
 use crate::window::{Window, bounds};
-use clearance::clearance;
+use clearance::{Stops, clearance};
 use lanes::Lanes;
 use rayon::prelude::*;
 
@@ -79,8 +80,12 @@ pub fn cast_rays(
     let cast = |cast: &(dyn Fn(Chunk) + Sync)| cast_chunks(origins, directions, cast);
     Ok(match Window::new(blocks, origins.len() / RAYS_PER_BLOCK, |block| space.stops(&block)) {
         Some(stops) => {
-            let window = stops.map(|stops, key| clearance(stops, key, unknown));
-            cast(&|chunk| Lanes::new(&space, &window, blocks).cast(chunk))
+            let clearance = |stops: &Window<Stops>, key| clearance(stops, key, unknown);
+            let window = match unknown {
+                Unknown::Occupied => stops.map(clearance),
+                Unknown::Free => stops.map_around(clearance),
+            };
+            cast(&|chunk| Lanes::new(&space, &window, chunk).cast())
         }
         None => {
             // Where unknown space lets rays pass they would go on for ever beyond the last block.
@@ -105,20 +110,16 @@ fn check(voxel_size: f64, origins: &[[f64; 3]], directions: &[[f64; 3]], max_ran
     }
     // Voxels beyond have no index.
     let limit = -f64::from(i32::MIN) * voxel_size;
-    let far = |origin: &[f64; 3]| !origin.iter().all(|c| c.abs() < limit);
-    let aimless = |direction: &[f64; 3]| !direction.iter().all(|c| c.is_finite()) || *direction == [0.0; 3];
-    let rays = origins.par_iter().zip(directions).with_min_len(4096);
-    match rays.position_first(|(origin, direction)| far(origin) || aimless(direction)) {
-        None => Ok(()),
-        Some(row) if far(&origins[row]) => {
-            let expected = format!("finite coordinates within {limit} m");
-            refuse("origins", format!("{:?} in row {row}", origins[row]), expected)
-        }
-        Some(row) => {
-            let expected = "finite vectors of any length but zero".into();
-            refuse("directions", format!("{:?} in row {row}", directions[row]), expected)
-        }
+    if let Some(row) = first_row_with(origins, |c| c.is_nan() || c.abs() >= limit) {
+        let expected = format!("finite coordinates within {limit} m");
+        return refuse("origins", format!("{:?} in row {row}", origins[row]), expected);
     }
+    let zero = || directions.par_iter().with_min_len(4096).position_first(|direction| *direction == [0.0; 3]);
+    if let Some(row) = first_row_with(directions, |c| !c.is_finite()).or_else(zero) {
+        let expected = "finite vectors of any length but zero".into();
+        return refuse("directions", format!("{:?} in row {row}", directions[row]), expected);
+    }
+    Ok(())
 }
 
 /// Some of the rays, and where their hits go.
@@ -165,9 +166,13 @@ struct Space {
 const EDGE: i32 = BLOCK_EDGE as i32;
 
 impl Space {
-    /// The voxels of a block that stop rays.
-    fn stops(&self, block: &Block) -> Mask {
-        Mask::of(block, |evidence| self.threshold.blocked(evidence, self.unknown))
+    fn stops(&self, block: &Block) -> Stops {
+        let all = Mask::of(block, |evidence| self.threshold.blocked(evidence, self.unknown));
+        let occupied = match self.unknown {
+            Unknown::Free => all,
+            Unknown::Occupied => Mask::of(block, |evidence| self.threshold.state(evidence) == State::Occupied),
+        };
+        Stops { all, occupied }
     }
 
     #[inline(always)]

@@ -4,10 +4,11 @@ use crate::block::Blocks;
 use crate::log_odds::STEPS;
 
 /// What a map knows of a voxel.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[repr(i8)]
 pub enum State {
     /// Never seen, or seen with evidence that adds up to nothing.
+    #[default]
     Unknown = -1,
     /// Seen, and not more likely occupied than free.
     Free = 0,

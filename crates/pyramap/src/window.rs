@@ -46,9 +46,27 @@ impl<T: Send + Sync> Window<T> {
     }
 
     /// The same window with other items, each made of a block's key and what there is now.
-    pub fn map<U: Send>(self, item: impl Fn(&Self, BlockKey) -> U + Sync) -> Window<U> {
+    pub fn map<U: Send + Sync>(self, item: impl Fn(&Self, BlockKey) -> U + Sync) -> Window<U> {
         let items = self.keys.par_iter().with_min_len(16).map(|&key| item(&self, key)).collect();
         Window { low: self.low, size: self.size, places: self.places, keys: self.keys, items }
+    }
+
+    /// The same, with items too for all that touch a block by a face, an edge or a corner.
+    pub fn map_around<U: Send + Sync>(self, item: impl Fn(&Self, BlockKey) -> U + Sync) -> Window<U> {
+        let (low, size) = (self.low.map(|k| k - 1), self.size.map(|n| n + 2));
+        let mut around = Window { low, size, places: vec![0; size.iter().product()], keys: Vec::new(), items: Vec::new() };
+        for &key in &self.keys {
+            for n in 0..27 {
+                let key = [key[0] + n / 9 - 1, key[1] + n / 3 % 3 - 1, key[2] + n % 3 - 1];
+                let place = around.place(key).expect("the window was widened");
+                if around.places[place] == 0 {
+                    around.keys.push(key);
+                    around.places[place] = around.keys.len() as u32;
+                }
+            }
+        }
+        around.items = around.keys.par_iter().with_min_len(16).map(|&key| item(&self, key)).collect();
+        around
     }
 
     /// The lowest and the highest key.

@@ -105,7 +105,7 @@ impl Stages {
     /// Compiles the kernels, or finds them compiled, and binds them.
     ///
     /// # Errors
-    /// [`Error::Unsupported`] for the rule `ideal`; as [`Gpu::attempt`].
+    /// [`Error::Unsupported`] for the rules `ideal` and `rays`; as [`Gpu::attempt`].
     pub fn new(gpu: &Gpu, variant: Variant, buffers: Buffers) -> Result<Self> {
         let Variant { rule, sigma, format, ref layers } = variant;
         let (first, count) = layers.made;
@@ -134,10 +134,10 @@ impl Stages {
             let bounded = (first..count).take_while(|&i| layers.coarsest_bounds(i) > finer).count();
             add(1, &shaders::bounds(sigma, finer), 0, over(first + finer + TILE_LAYERS, bounded))?;
         }
-        add(2, &shaders::cull(rule).ok_or_else(not_here)?, 0, Workgroups::Blocks)?;
+        add(2, &shaders::cull(rule).ok_or_else(|| not_here(rule))?, 0, Workgroups::Blocks)?;
         let pages = buffers.pages.len();
         add(2, &shaders::arguments(), 0, Workgroups::Fixed([pages.div_ceil(ARGUMENTS_GROUP) as u32, 1, 1]))?;
-        let update = shaders::update(rule, sigma).ok_or_else(not_here)?;
+        let update = shaders::update(rule, sigma).ok_or_else(|| not_here(rule))?;
         for page in 0..pages {
             add(3, &update, page, Workgroups::Page((page * ARGUMENTS_BYTES) as u64))?;
         }
@@ -171,7 +171,11 @@ impl Stages {
 }
 
 /// That a map's rule has no kernels.
-pub fn not_here() -> Error {
+pub fn not_here(rule: UpdateRule) -> Error {
     let reason = "it has no kernel for graphics cards; use backend=\"cpu\"".into();
-    Error::Unsupported { operation: "update=\"ideal\" on the GPU", reason }
+    let operation = match rule {
+        UpdateRule::Rays => "update=\"rays\" on a GPU",
+        _ => "update=\"ideal\" on a GPU",
+    };
+    Error::Unsupported { operation, reason }
 }

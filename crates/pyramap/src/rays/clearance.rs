@@ -5,25 +5,41 @@ use crate::mask::Mask;
 use crate::state::Unknown;
 use crate::window::Window;
 
+/// What stops rays in a block.
+#[derive(Clone, Copy)]
+pub struct Stops {
+    /// The voxels that do.
+    pub all: Mask,
+    /// Those among them that are occupied.
+    pub occupied: Mask,
+}
+
 /// For each voxel of a block how many voxels it is from the nearest one that stops rays, along the axis where that is
-/// most: 0 if it does so itself, [`FARTHEST`] if none is nearer. So the cube of `2 n - 1` voxels around it is free.
+/// most, but at most [`FARTHEST`]: so the cube of `2 n - 1` voxels around it is free. [`OCCUPIED`] or [`UNKNOWN`] if it
+/// stops rays itself.
 pub type Clearance = [u8; BLOCK_VOXELS];
 
+/// In place of a distance.
+pub const OCCUPIED: u8 = 0;
+/// The same.
+pub const UNKNOWN: u8 = u8::MAX;
 /// As far as one looks: cubes reach into a block's neighbours, not beyond.
-const FARTHEST: usize = BLOCK_EDGE;
+pub const FARTHEST: u8 = BLOCK_EDGE as u8;
 /// A block and its neighbours, along an axis.
 const SIDE: usize = 3 * BLOCK_EDGE;
 /// A bit a voxel of those, by x and y; z is the place of the bit.
 type Bits = [[u32; SIDE]; SIDE];
 
 /// The clearance of a block; where there is no block, all voxels stop rays if unknown counts as occupied.
-pub fn clearance(stops: &Window<Mask>, key: BlockKey, unknown: Unknown) -> Clearance {
+pub fn clearance(stops: &Window<Stops>, key: BlockKey, unknown: Unknown) -> Clearance {
     let absent = if unknown == Unknown::Occupied { Mask::ALL } else { Mask::NONE };
+    let absent = Stops { all: absent, occupied: Mask::NONE };
+    let find = |key| stops.get(key).copied().unwrap_or(absent);
     let mut near: Bits = [[0; SIDE]; SIDE];
     let mut any = false;
     for n in 0..27 {
         let away = [n / 9, n / 3 % 3, n % 3];
-        let mask = stops.get(std::array::from_fn(|a| key[a] + away[a] as i32 - 1)).copied().unwrap_or(absent);
+        let mask = find(std::array::from_fn(|a| key[a] + away[a] as i32 - 1)).all;
         any |= !mask.is_empty();
         for (x, word) in mask.words().iter().enumerate() {
             for (y, byte) in word.to_le_bytes().into_iter().enumerate() {
@@ -32,7 +48,7 @@ pub fn clearance(stops: &Window<Mask>, key: BlockKey, unknown: Unknown) -> Clear
         }
     }
     if !any {
-        return [FARTHEST as u8; BLOCK_VOXELS];
+        return [FARTHEST; BLOCK_VOXELS];
     }
     // Each time around one more layer of voxels is near; what is not yet so is farther by one.
     let mut rows = [0_u64; BLOCK_VOXELS / BLOCK_EDGE];
@@ -43,8 +59,11 @@ pub fn clearance(stops: &Window<Mask>, key: BlockKey, unknown: Unknown) -> Clear
         }
         near = grown(&near);
     }
-    let bytes = rows.map(u64::to_le_bytes);
-    std::array::from_fn(|offset| bytes[offset / BLOCK_EDGE][offset % BLOCK_EDGE])
+    let distances = rows.map(u64::to_le_bytes);
+    let mut clearance: Clearance = std::array::from_fn(|offset| distances[offset / BLOCK_EDGE][offset % BLOCK_EDGE]);
+    let Stops { all, occupied } = find(key);
+    (all & !occupied).offsets().for_each(|offset| clearance[offset] = UNKNOWN);
+    clearance
 }
 
 /// All voxels that touch one of these, by a face, an edge or a corner, as far as there is room.

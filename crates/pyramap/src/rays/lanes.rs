@@ -1,80 +1,88 @@
 //! Many rays at once: eight lanes, each with a ray, all going on to their next cubes in vector instructions.
 
-use super::clearance::Clearance;
-use super::{Chunk, EDGE, Space};
-use crate::block::{BlockKey, Blocks, locate};
-use crate::ray::{DOUBT, ONES, Place, Ray, each};
+use super::clearance::{Clearance, FARTHEST, OCCUPIED, UNKNOWN};
+use super::{Chunk, Space};
+use crate::block::{BlockKey, VoxelIndex, locate};
+use crate::ray::{DOUBT, ONES, Place, Ray, each, least, most};
 use crate::state::{State, Unknown};
 use crate::window::Window;
-use std::ops::Range;
 
 const LANES: usize = 8;
 type Lane = [f64; LANES];
 
-/// The rays under way.
-pub struct Lanes<'a, B: ?Sized> {
+/// The rays of a chunk: those under way, those ready to go, and those still to come.
+pub struct Lanes<'a> {
     space: &'a Space,
     window: &'a Window<Clearance>,
-    blocks: &'a B,
     bounds: [BlockKey; 2],
+    chunk: Chunk<'a>,
     /// Which ray of the chunk; `None` if there is no other.
     row: [Option<usize>; LANES],
-    ray: [Ray; LANES],
     steps: Steps,
+    ready: Rays,
+    /// The next ray.
+    next: usize,
 }
 
-/// What is computed for all lanes alike; by axis, then by lane; in voxels.
+/// Rays by axis, then by lane; in voxels.
 #[derive(Default)]
-struct Steps {
+struct Rays {
     origin: [Lane; 3],
     direction: [Lane; 3],
     inverse: [Lane; 3],
-    /// The first and the last voxel of the cube that a ray is about to leave.
-    first: [Lane; 3],
-    last: [Lane; 3],
-    /// The face through which it can leave, and the voxel behind that.
-    face: [Lane; 3],
-    beyond: [Lane; 3],
-    /// The voxel that it enters then, and where.
-    voxel: [[i32; LANES]; 3],
+    /// 1 on axes along which coordinates rise or stay, 0 where they fall.
+    upwards: [Lane; 3],
+}
+
+/// What is computed for all lanes alike.
+#[derive(Default)]
+struct Steps {
+    rays: Rays,
+    /// The middle of the cube that a ray is about to leave, and how many voxels there are on each side of it.
+    middle: [Lane; 3],
+    room: Lane,
+    /// The voxel that it enters then, as a number and as an index, and where.
+    voxel: [Lane; 3],
+    index: [[i32; LANES]; 3],
     distance: Lane,
     /// Less than 0 where rounding may have chosen the wrong voxel.
     margin: Lane,
 }
 
-impl<'a, B: Blocks + ?Sized> Lanes<'a, B> {
-    pub fn new(space: &'a Space, window: &'a Window<Clearance>, blocks: &'a B) -> Self {
-        let ray = [Ray::new([0.0; 3], [1.0; 3]); LANES];
-        Self { space, window, blocks, bounds: window.bounds(), row: [None; LANES], ray, steps: Steps::default() }
+impl<'a> Lanes<'a> {
+    pub fn new(space: &'a Space, window: &'a Window<Clearance>, chunk: Chunk<'a>) -> Self {
+        let (steps, ready, bounds) = (Steps::default(), Rays::default(), window.bounds());
+        Self { space, window, bounds, chunk, row: [None; LANES], steps, ready, next: 0 }
     }
 
-    /// Casts the rays of a chunk, with the widest instructions that the processor has. Results do not depend on them.
-    pub fn cast(self, chunk: Chunk) {
+    /// Casts the rays with the widest instructions that the processor has. Results do not depend on them.
+    pub fn cast(self) {
         #[cfg(target_arch = "x86_64")]
         {
             #[target_feature(enable = "avx2")]
-            fn with_avx2<B: Blocks + ?Sized>(lanes: Lanes<B>, chunk: Chunk) {
-                lanes.cast_all(chunk);
+            fn with_avx2(lanes: Lanes) {
+                lanes.cast_all();
             }
             if is_x86_feature_detected!("avx2") {
                 // SAFETY: the processor was just asked.
-                return unsafe { with_avx2(self, chunk) };
+                return unsafe { with_avx2(self) };
             }
         }
-        self.cast_all(chunk);
+        self.cast_all();
     }
 
     #[inline(always)]
-    fn cast_all(mut self, mut chunk: Chunk) {
-        let mut rows = 0..chunk.origins.len();
-        (0..LANES).for_each(|lane| self.begin(lane, &mut rows, &mut chunk));
+    fn cast_all(mut self) {
+        for lane in 0..LANES {
+            self.begin(lane);
+        }
         while self.row != [None; LANES] {
             self.steps.leave_cubes();
             for lane in 0..LANES {
                 if let Some(row) = self.row[lane]
-                    && !self.go_on(lane, row, &mut chunk)
+                    && !self.go_on(lane, row)
                 {
-                    self.begin(lane, &mut rows, &mut chunk);
+                    self.begin(lane);
                 }
             }
         }
@@ -82,78 +90,97 @@ impl<'a, B: Blocks + ?Sized> Lanes<'a, B> {
 
     /// Takes up the next ray that does not end where it begins, if there is one.
     #[inline(always)]
-    fn begin(&mut self, lane: usize, rows: &mut Range<usize>, chunk: &mut Chunk) {
+    fn begin(&mut self, lane: usize) {
         self.row[lane] = None;
-        for row in rows {
-            let ray = self.space.ray(&chunk.origins[row], &chunk.directions[row]);
-            let Some(start) = self.space.start(&ray, self.bounds) else { continue };
-            self.ray[lane] = ray;
-            if self.enter(lane, row, start, chunk) {
-                for a in 0..3 {
-                    self.steps.origin[a][lane] = ray.origin[a];
-                    self.steps.direction[a][lane] = ray.direction[a];
-                    self.steps.inverse[a][lane] = ray.inverse[a];
-                }
+        while self.row[lane].is_none() && self.next < self.chunk.origins.len() {
+            let (row, from) = (self.next, self.next % LANES);
+            if from == 0 {
+                self.prepare();
+            }
+            self.next += 1;
+            let (rays, ready) = (&mut self.steps.rays, &self.ready);
+            for a in 0..3 {
+                rays.origin[a][lane] = ready.origin[a][from];
+                rays.direction[a][lane] = ready.direction[a][from];
+                rays.inverse[a][lane] = ready.inverse[a][from];
+                rays.upwards[a][lane] = ready.upwards[a][from];
+            }
+            let Some(start) = self.space.start(&rays.get(lane), self.bounds) else { continue };
+            if self.enter(lane, row, start) {
                 self.row[lane] = Some(row);
-                return;
+            }
+        }
+    }
+
+    /// Makes the next few rays ready, all at once.
+    #[inline(always)]
+    fn prepare(&mut self) {
+        let last = self.chunk.origins.len() - 1;
+        for n in 0..LANES {
+            let row = (self.next + n).min(last);
+            let ray = self.space.ray(&self.chunk.origins[row], &self.chunk.directions[row]);
+            for a in 0..3 {
+                self.ready.origin[a][n] = ray.origin[a];
+                self.ready.direction[a][n] = ray.direction[a];
+                self.ready.inverse[a][n] = ray.inverse[a];
+                self.ready.upwards[a][n] = if ray.upwards[a] { 1.0 } else { 0.0 };
             }
         }
     }
 
     /// Follows a ray out of its cube; whether it goes on from there.
     #[inline(always)]
-    fn go_on(&mut self, lane: usize, row: usize, chunk: &mut Chunk) -> bool {
-        let Steps { first, last, voxel, distance, margin, .. } = &self.steps;
-        let mut place = Place { voxel: each(|a| voxel[a][lane]), distance: distance[lane] };
-        if margin[lane] < 0.0 {
-            place = self.ray[lane].leave_box(each(|a| first[a][lane] as i32), each(|a| last[a][lane] as i32));
+    fn go_on(&mut self, lane: usize, row: usize) -> bool {
+        let steps = &self.steps;
+        let mut place = Place { voxel: each(|a| steps.index[a][lane]), distance: steps.distance[lane] };
+        if steps.margin[lane] < 0.0 {
+            place = steps.leave_cube(lane);
         }
-        self.enter(lane, row, place, chunk)
+        self.enter(lane, row, place)
     }
 
     /// Lets a ray into a voxel: it ends there, or gets a cube to leave.
     #[inline(always)]
-    fn enter(&mut self, lane: usize, row: usize, place: Place, chunk: &mut Chunk) -> bool {
+    fn enter(&mut self, lane: usize, row: usize, place: Place) -> bool {
         if place.distance > self.space.max_range {
             return false;
         }
         let (key, offset) = locate(place.voxel);
-        let (below, above) = match (self.window.get(key), self.space.unknown) {
-            (Some(clearance), _) => match clearance[offset] {
-                0 => return self.stop(row, place, chunk),
-                room => ([i32::from(room) - 1; 3], [i32::from(room) - 1; 3]),
-            },
-            (None, Unknown::Occupied) => return self.stop(row, place, chunk),
-            (None, Unknown::Free) => {
-                let [low, high] = self.bounds;
-                if (0..3).any(|a| key[a] < low[a] || key[a] > high[a]) {
-                    return false;
+        let clearance = match self.window.get(key) {
+            Some(clearance) => clearance[offset],
+            None if self.space.unknown == Unknown::Occupied => UNKNOWN,
+            None if is_within(key, self.bounds) => FARTHEST,
+            None => return false,
+        };
+        let state = match clearance {
+            OCCUPIED => State::Occupied,
+            UNKNOWN => State::Unknown,
+            clearance => {
+                self.steps.room[lane] = f64::from(clearance - 1);
+                for a in 0..3 {
+                    self.steps.voxel[a][lane] = f64::from(place.voxel[a]);
                 }
-                let within = each(|a| place.voxel[a].rem_euclid(EDGE));
-                (within, each(|a| EDGE - 1 - within[a]))
+                return true;
             }
         };
-        let (steps, upwards) = (&mut self.steps, self.ray[lane].upwards);
-        for a in 0..3 {
-            let (first, last) = (f64::from(place.voxel[a] - below[a]), f64::from(place.voxel[a] + above[a]));
-            (steps.first[a][lane], steps.last[a][lane]) = (first, last);
-            steps.face[a][lane] = if upwards[a] { last + 1.0 } else { first };
-            steps.beyond[a][lane] = if upwards[a] { last + 1.0 } else { first - 1.0 };
-        }
-        true
-    }
-
-    #[inline(always)]
-    fn stop(&self, row: usize, place: Place, chunk: &mut Chunk) -> bool {
-        let (key, offset) = locate(place.voxel);
-        let state = match self.space.unknown {
-            Unknown::Free => State::Occupied,
-            Unknown::Occupied => {
-                self.space.threshold.state(self.blocks.block(key).map_or(0, |block| block.value(offset)))
-            }
-        };
-        chunk.set(row, self.space, place, state);
+        self.chunk.set(row, self.space, place, state);
         false
+    }
+}
+
+fn is_within(key: BlockKey, [low, high]: [BlockKey; 2]) -> bool {
+    (0..3).all(|a| low[a] <= key[a] && key[a] <= high[a])
+}
+
+impl Rays {
+    #[inline(always)]
+    fn get(&self, lane: usize) -> Ray {
+        Ray {
+            origin: each(|a| self.origin[a][lane]),
+            direction: each(|a| self.direction[a][lane]),
+            inverse: each(|a| self.inverse[a][lane]),
+            upwards: each(|a| self.upwards[a][lane] > 0.0),
+        }
     }
 }
 
@@ -161,22 +188,47 @@ impl Steps {
     /// [`Ray::leave_box`] for all lanes, up to rounding.
     #[inline(always)]
     fn leave_cubes(&mut self) {
-        let exits = each(|a| exit(self.face[a], self.origin[a], self.inverse[a]));
-        let distance = least(exits[0], least(exits[1], exits[2]));
+        let Rays { origin, direction, inverse, upwards } = &self.rays;
+        self.middle = self.voxel;
+        let room = self.room;
+        let first = each(|a| lanes(|n| self.middle[a][n] - room[n]));
+        let face = each(|a| faces(first[a], room, upwards[a]));
+        let exits = each(|a| exit(face[a], origin[a], inverse[a]));
+        let distance = lanes(|n| least(exits[0][n], least(exits[1][n], exits[2][n])));
         let mut margins = [1.0; LANES];
         for a in 0..3 {
-            let at = along(self.origin[a], self.direction[a], distance);
+            let at = along(origin[a], direction[a], distance);
             let nearest = whole(at);
-            let out = lanes(|n| exits[a][n] - distance[n]);
-            let inside = least(most(nearest, self.first[a]), self.last[a]);
-            let voxel = where_zero(out, self.beyond[a], inside);
-            margins = least(margins, where_zero(out, [1.0; LANES], margin(at, nearest)));
-            self.voxel[a] = whole_bits(voxel);
+            let inside = within(nearest, first[a], room);
+            let left = lanes(|n| exits[a][n] - distance[n]);
+            let beyond = lanes(|n| face[a][n] + (upwards[a][n] - 1.0));
+            self.voxel[a] = where_zero(left, beyond, inside);
+            let margin = where_zero(left, [1.0; LANES], margin(at, nearest));
+            margins = lanes(|n| least(margins[n], margin[n]));
         }
         (self.distance, self.margin) = (distance, margins);
+        for a in 0..3 {
+            for n in 0..LANES {
+                self.index[a][n] = (self.voxel[a][n] + ONES).to_bits() as i32;
+            }
+        }
+    }
+
+    /// The same for one, exactly.
+    #[cold]
+    fn leave_cube(&self, lane: usize) -> Place {
+        let side = |sign: f64| -> VoxelIndex { each(|a| (self.middle[a][lane] + sign * self.room[lane]) as i32) };
+        self.rays.get(lane).leave_box(side(-1.0), side(1.0))
     }
 }
 
+/// The faces through which rays can leave their cubes.
+#[inline(always)]
+fn faces(first: Lane, room: Lane, upwards: Lane) -> Lane {
+    lanes(|n| first[n] + upwards[n] * (2.0 * room[n] + 1.0))
+}
+
+/// How far along the rays they lie.
 #[inline(always)]
 fn exit(face: Lane, origin: Lane, inverse: Lane) -> Lane {
     lanes(|n| (face[n] - origin[n]) * inverse[n])
@@ -194,29 +246,14 @@ fn whole(x: Lane) -> Lane {
 }
 
 #[inline(always)]
-fn whole_bits(x: Lane) -> [i32; LANES] {
-    let mut bits = [0; LANES];
-    for n in 0..LANES {
-        bits[n] = (x[n] + ONES).to_bits() as i32;
-    }
-    bits
+fn within(x: Lane, first: Lane, room: Lane) -> Lane {
+    lanes(|n| least(most(x[n], first[n]), first[n] + 2.0 * room[n]))
 }
 
 /// How far places are from where a face is in doubt; `nearest` are the centres that they are nearest to.
 #[inline(always)]
 fn margin(at: Lane, nearest: Lane) -> Lane {
     lanes(|n| (0.5 - DOUBT) - (at[n] - nearest[n]).abs())
-}
-
-/// `f64::min` without its care for NaN, which takes three more instructions.
-#[inline(always)]
-fn least(a: Lane, b: Lane) -> Lane {
-    lanes(|n| if a[n] < b[n] { a[n] } else { b[n] })
-}
-
-#[inline(always)]
-fn most(a: Lane, b: Lane) -> Lane {
-    lanes(|n| if a[n] > b[n] { a[n] } else { b[n] })
 }
 
 #[inline(always)]
