@@ -16,6 +16,7 @@ SMALL = {
     "explore.py": ["--views", "16"],
     "first_map.py": ["--frames", "4"],
     "correct_a_pose.py": ["--frames", "4"],
+    "live_mapping.py": ["--frames", "20", "--rate", "200", "--capacity", "2"],
     "loop_closure.py": ["--frames", "16"],
     "merge_maps.py": ["--frames", "6"],
     "spheres_accuracy.py": ["--quick"],
@@ -51,6 +52,15 @@ def test_loop_closure(tmp_path: Path) -> None:
     assert after < before / 3
     pictures = [(tmp_path / f"loop_{name}.png").read_bytes() for name in ("before", "after")]
     assert pictures[0] != pictures[1]
+
+
+def test_live_mapping() -> None:
+    for drop in ("oldest", "newest"):
+        first, second, *_ = run("live_mapping.py", "--drop", drop).splitlines()
+        assert first.startswith("20 frames at 200 a second")
+        mapped, dropped = (int(second.split()[i]) for i in (0, 2))
+        assert mapped + dropped == 20
+        assert mapped >= 2  # those that wait when the camera ends, however slow the map is
 
 
 def test_merge_maps() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -15,13 +16,17 @@ from .fusing import fuse
 from .options import AdapterChoice, AsJson, BackendChoice, MeshOut, MinEvidence, PictureOut, Threads
 from .outputs import check_writable, map_path, picture_path
 from .products import Products
-from .values import Backend, Numbers, Update
+from .values import Backend, Numbers, Topic, Update
 
 NO_OFFSET = "0"
+DATASET_HELP = (
+    "Folder or file with depth images and poses: 7-Scenes, TUM RGB-D, Redwood or ICL-NUIM, ScanNet, Replica, "
+    "nerfstudio, Stray Scanner, Record3D (.r3d), or a ROS bag (.bag, .mcap, .db3, or a ROS 2 bag's folder)."
+)
 
 
 def map_dataset(
-    dataset: Annotated[Path, typer.Argument(help="Folder with a data set: 7-Scenes, TUM RGB-D, Redwood or ICL-NUIM.")],
+    dataset: Annotated[Path, typer.Argument(help=DATASET_HELP)],
     resolution: Annotated[float, typer.Option("--resolution", "-r", help="Edge of a voxel, metres.")] = 0.05,
     output: Annotated[
         Path | None,
@@ -70,6 +75,21 @@ def map_dataset(
             help="Intrinsics in pixels, in the place of the data set's own.",
         ),
     ] = None,
+    topic: Annotated[
+        list[Topic] | None,
+        typer.Option(
+            parser=values.topic,
+            metavar="ROLE=NAME",
+            help="Of a ROS bag: the topic to take for depth, camera_info or pose, where there are several.",
+        ),
+    ] = None,
+    world_frame: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Of a ROS bag: the frame that is the world. By default the root.")
+    ] = None,
+    max_gap: Annotated[
+        float | None,
+        typer.Option(min=0, help="Seconds from an image to the nearest pose, where poses have times of their own."),
+    ] = None,
     stride: Annotated[int, typer.Option(min=1, help="Take every n-th frame.")] = 1,
     limit: Annotated[int | None, typer.Option(min=1, help="Take at most n frames.")] = None,
     skip_bad: Annotated[bool, typer.Option("--skip-bad", help="Leave out bad frames instead of stopping.")] = False,
@@ -94,10 +114,10 @@ def map_dataset(
         prior=prior,
         adapter=adapter,
     )
-    frames = datasets.open(dataset, skip_bad=skip_bad, stride=stride, limit=limit)
-    if camera is not None:
-        own = values.camera(camera, like=frames.camera)
-        frames = datasets.open(dataset, skip_bad=skip_bad, stride=stride, limit=limit, camera=own)
+    topics = dict(topic or ())
+    read = partial(datasets.open, dataset, skip_bad=skip_bad, max_gap=max_gap, topics=topics, world_frame=world_frame)
+    own = None if camera is None else values.camera(camera, like=lambda: read().camera)
+    frames = read(stride=stride, limit=limit, camera=own)
     run = fuse(grid, frames, len(frames), skip_bad)
     conclude(f"{frames.name} ({frames.format})", grid, run, frames.skipped, products, min_evidence, as_json)
 

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Callable
 from enum import StrEnum
 from typing import Literal
 
 import typer
 
 from .._core import PinholeCamera
+from ..datasets.ros_topics import DEPTH_ROLES
 
 
 class Update(StrEnum):
@@ -107,10 +109,22 @@ def intrinsics(text: str) -> Numbers:
     return _numbers(text, (4, 6), "585,585,320,240 (fx,fy,cx,cy) or 585,585,320,240,640,480 (and width,height)")
 
 
-def camera(values: Numbers, like: PinholeCamera) -> PinholeCamera:
-    """A camera of given intrinsics; of the size of another one, unless the intrinsics say the size too."""
+class Topic(tuple[str, str]):
+    """What a topic of a ROS bag is taken for, and its name."""
+
+
+def topic(text: str) -> Topic:
+    """`depth=/camera/depth/image_rect`: a role and the name of a topic."""
+    role, _, name = text.partition("=")
+    if role not in DEPTH_ROLES or not name:
+        raise typer.BadParameter(f"{text!r} is not one of {', '.join(f'{role}=NAME' for role in DEPTH_ROLES)}")
+    return Topic((role, name))
+
+
+def camera(values: Numbers, like: Callable[[], PinholeCamera]) -> PinholeCamera:
+    """A camera of given intrinsics; unless these say the size too, of that of another one, which is then asked for."""
     fx, fy, cx, cy, *size = values
-    width, height = (int(number) for number in size) if size else (like.width, like.height)
+    width, height = (int(number) for number in size) if size else ((other := like()).width, other.height)
     return PinholeCamera(width=width, height=height, fx=fx, fy=fy, cx=cx, cy=cy)
 
 

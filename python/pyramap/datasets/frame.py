@@ -1,4 +1,4 @@
-"""One depth image with its camera and pose."""
+"""One depth image with its camera and pose; one point cloud with its pose."""
 
 from __future__ import annotations
 
@@ -30,3 +30,20 @@ class Frame:
     world_from_camera: NDArray[np.float64]
     timestamp: float | None = None
     color_path: Path | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PointFrame:
+    """A point cloud, as a LiDAR takes it in one turn.
+
+    Attributes:
+        index: the scan's number in its data set, whichever part of the data set is read.
+        points: (N, 3) float32, C-contiguous, metres, finite, in the axes of the sensor.
+        world_from_sensor: (4, 4) float64, metres, as the data set gives it.
+        timestamp: seconds, or None if the data set has no times.
+    """
+
+    index: int
+    points: NDArray[np.float32]
+    world_from_sensor: NDArray[np.float64]
+    timestamp: float | None = None

@@ -1,4 +1,4 @@
-"""What a format must say about a data set: its frames, before any image is decoded."""
+"""What a format must say about a data set: its frames, before anything is decoded."""
 
 from __future__ import annotations
 
@@ -6,50 +6,108 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Generic, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .._core import PinholeCamera
+from .frame import Frame, PointFrame
+
+Loaded = TypeVar("Loaded", covariant=True)
+
+
+class Ref(Protocol[Loaded]):
+    """Where one frame comes from; light enough to list a whole data set."""
+
+    @property
+    def index(self) -> int:
+        """The frame's number in the data set."""
+
+    @property
+    def read_pose(self) -> Callable[[], NDArray[np.float64]]:
+        """Gives the frame's pose, (4, 4) float64, or raises `DatasetError`."""
+
+    def load(self) -> Loaded:
+        """Decodes the frame, or raises `DatasetError`."""
 
 
 @dataclass(frozen=True, slots=True)
 class FrameRef:
-    """Where one frame comes from; light enough to list a whole data set.
+    """Where one depth image comes from.
 
     Attributes:
         index: the frame's number in the data set.
-        depth_path: its depth image.
+        camera: the camera of its depth image.
+        read_depth: decodes its depth image, which must be of that camera: (H, W) float32 metres, or raises
+            `DatasetError`.
         read_pose: gives `world_from_camera`, (4, 4) float64, or raises `DatasetError`.
         timestamp: seconds, or None.
         color_path: its colour image, or None.
     """
 
     index: int
-    depth_path: Path
+    camera: PinholeCamera
+    read_depth: Callable[[PinholeCamera], NDArray[np.float32]]
     read_pose: Callable[[], NDArray[np.float64]]
     timestamp: float | None = None
     color_path: Path | None = None
 
+    def load(self) -> Frame:
+        """The frame, decoded; raises `DatasetError`."""
+        return Frame(
+            index=self.index,
+            world_from_camera=self.read_pose(),
+            depth=self.read_depth(self.camera),
+            camera=self.camera,
+            timestamp=self.timestamp,
+            color_path=self.color_path,
+        )
+
 
 @dataclass(frozen=True, slots=True)
-class Listing:
-    """A data set before any image is decoded.
+class ScanRef:
+    """Where one point cloud comes from.
 
     Attributes:
-        frames: in the order in which they are to be read.
-        camera: that of every depth image.
-        read_depth: decodes a depth image of that camera: (H, W) float32 metres, or raises `DatasetError`.
+        index: the scan's number in the data set.
+        read_points: decodes it: (N, 3) float32 metres, or raises `DatasetError`.
+        read_pose: gives `world_from_sensor`, (4, 4) float64, or raises `DatasetError`.
+        timestamp: seconds, or None.
+    """
+
+    index: int
+    read_points: Callable[[], NDArray[np.float32]]
+    read_pose: Callable[[], NDArray[np.float64]]
+    timestamp: float | None = None
+
+    def load(self) -> PointFrame:
+        """The scan, decoded; raises `DatasetError`."""
+        return PointFrame(
+            index=self.index,
+            world_from_sensor=self.read_pose(),
+            points=self.read_points(),
+            timestamp=self.timestamp,
+        )
+
+
+AnyRef = TypeVar("AnyRef", bound=Ref[object], covariant=True)
+
+
+@dataclass(frozen=True, slots=True)
+class Listing(Generic[AnyRef]):
+    """A data set before anything is decoded.
+
+    Attributes:
+        frames: in the order in which they are to be read; a format lists at least one, or raises `DatasetError`.
         dropped: the frames that are left out from the start, by index, with the reason.
     """
 
-    frames: Sequence[FrameRef]
-    camera: PinholeCamera
-    read_depth: Callable[[Path, PinholeCamera], NDArray[np.float32]]
+    frames: Sequence[AnyRef]
     dropped: Mapping[int, str] = field(default_factory=dict)
 
 
-def part(listing: Listing, key: slice) -> Listing:
+def part(listing: Listing[AnyRef], key: slice) -> Listing[AnyRef]:
     """The frames `listing.frames[key]`, and of the dropped frames those that lie among them."""
     frames = listing.frames
     taken = range(len(frames))[key]
@@ -64,16 +122,18 @@ def part(listing: Listing, key: slice) -> Listing:
 
 @dataclass(frozen=True, slots=True)
 class Options:
-    """What the caller of `open` wants: see there."""
+    """What the caller of `open` or `open_scans` wants: see there."""
 
-    camera: PinholeCamera | None
-    skip_bad: bool
-    max_gap: float
+    skip_bad: bool = False
+    camera: PinholeCamera | None = None
+    max_gap: float | None = None
+    topics: Mapping[str, str] = field(default_factory=dict)
+    world_frame: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
-class Format:
-    """A kind of data set.
+class Format(Generic[AnyRef]):
+    """A kind of data set, of depth images (`Format[FrameRef]`) or of point clouds (`Format[ScanRef]`).
 
     Attributes:
         name: what its users call it.
@@ -85,4 +145,4 @@ class Format:
     name: str
     looks_for: str
     recognise: Callable[[Path], bool]
-    list_frames: Callable[[Path, Options], Listing]
+    list_frames: Callable[[Path, Options], Listing[AnyRef]]

@@ -1,9 +1,11 @@
-"""Depth images stored as 16-bit greyscale PNG."""
+"""Images stored as greyscale PNG: depth with 16 bits, confidence with 8."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from io import BytesIO
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +15,8 @@ from .._core import PinholeCamera
 from .errors import DatasetError
 
 _SIXTEEN_BIT_GREY = "I;16"
+_EIGHT_BIT_GREY = "L"
+_BITS = {_SIXTEEN_BIT_GREY: 16, _EIGHT_BIT_GREY: 8}
 
 
 def read_png_depth(
@@ -32,16 +36,25 @@ def read_png_depth(
     Raises:
         DatasetError: if the image is missing, damaged, of another kind, or of another size than the camera's.
     """
-    mode, stored = _decode(path)
-    if mode != _SIXTEEN_BIT_GREY:
-        raise DatasetError(path, f"expected a 16-bit greyscale PNG, got Pillow's mode {mode!r}")
-    height, width = stored.shape
-    if (width, height) != (camera.width, camera.height):
-        raise DatasetError(path, f"the image is {width}x{height}, but the camera {camera.width}x{camera.height}")
-    depth = np.divide(stored, np.float32(units_per_metre), dtype=np.float32)
+    stored = _of_camera(_read(path, "depth image"), path, camera, _SIXTEEN_BIT_GREY)
+    depth: NDArray[np.float32] = np.divide(stored, np.float32(units_per_metre), dtype=np.float32)
     if no_reading != 0:
         depth[stored == no_reading] = 0.0
     return depth
+
+
+def decode_png_16(data: bytes, path: Path, camera: PinholeCamera) -> NDArray[np.uint16]:
+    """Decodes a 16-bit greyscale PNG of the camera's size that is a part of the file `path`.
+
+    Raises:
+        DatasetError: if the image is damaged, of another kind, or of another size than the camera's.
+    """
+    return _of_camera(data, path, camera, _SIXTEEN_BIT_GREY)
+
+
+def read_png_levels(path: Path, camera: PinholeCamera) -> NDArray[np.uint8]:
+    """Decodes an 8-bit greyscale PNG of the camera's size: (H, W) uint8, as stored. Raises as `read_png_depth`."""
+    return _of_camera(_read(path, "confidence image"), path, camera, _EIGHT_BIT_GREY)
 
 
 def read_png_size(path: Path) -> tuple[int, int]:
@@ -49,13 +62,47 @@ def read_png_size(path: Path) -> tuple[int, int]:
     try:
         with Image.open(path, formats=("PNG",)) as image:
             return image.size
+    except FileNotFoundError:
+        raise _missing(path, "depth image") from None
     except _DECODING_ERRORS as error:
         raise _unreadable(path, error) from error
 
 
-def _decode(path: Path) -> tuple[str, NDArray[np.uint16]]:
+def first_png_size(folder: Path, paths: Iterable[Path]) -> tuple[int, int]:
+    """Width and height of the first of these PNGs that can be read; the others are reported when they are read.
+
+    Raises:
+        DatasetError: naming the folder, if none can be read.
+    """
+    for path in paths:
+        try:
+            return read_png_size(path)
+        except DatasetError:
+            continue
+    raise DatasetError(folder, "not one depth image can be read")
+
+
+def _read(path: Path, kind: str) -> bytes:
     try:
-        data = path.read_bytes()
+        return path.read_bytes()
+    except FileNotFoundError:
+        raise _missing(path, kind) from None
+    except OSError as error:
+        raise _unreadable(path, error) from error
+
+
+def _of_camera(data: bytes, path: Path, camera: PinholeCamera, wanted: str) -> NDArray[Any]:
+    mode, stored = _decode(data, path)
+    if mode != wanted:
+        raise DatasetError(path, f"expected a {_BITS[wanted]}-bit greyscale PNG, got Pillow's mode {mode!r}")
+    height, width = stored.shape
+    if (width, height) != (camera.width, camera.height):
+        raise DatasetError(path, f"the image is {width}x{height}, but the camera {camera.width}x{camera.height}")
+    return stored
+
+
+def _decode(data: bytes, path: Path) -> tuple[str, NDArray[Any]]:
+    try:
         # Decoding alone misses some damage (4 % of single flipped bits), the checksums miss none, and cost 1 % of the
         # decoding. Pillow wants the image opened anew after that.
         with Image.open(BytesIO(data), formats=("PNG",)) as image:
@@ -70,9 +117,11 @@ def _decode(path: Path) -> tuple[str, NDArray[np.uint16]]:
 _DECODING_ERRORS = (OSError, SyntaxError, ValueError, Image.DecompressionBombError)
 
 
+def _missing(path: Path, kind: str) -> DatasetError:
+    return DatasetError(path, f"the {kind} is missing")
+
+
 def _unreadable(path: Path, error: BaseException) -> DatasetError:
-    if isinstance(error, FileNotFoundError):
-        return DatasetError(path, "the depth image is missing")
     if isinstance(error, UnidentifiedImageError):
         return DatasetError(path, "not a PNG image, or cut off in its header")
     return DatasetError(path, f"damaged or truncated depth image ({error})")

@@ -29,7 +29,7 @@ def _recognise(path: Path) -> bool:
     return bool(_trajectories(path))
 
 
-def _list_frames(path: Path, options: Options) -> Listing:
+def _list_frames(path: Path, options: Options) -> Listing[FrameRef]:
     trajectories = _trajectories(path)
     if len(trajectories) > 1:
         names = ", ".join(t.name for t in trajectories)
@@ -44,8 +44,13 @@ def _list_frames(path: Path, options: Options) -> Listing:
     if len(images) != len(poses):
         raise DatasetError(trajectory, f"{len(poses)} poses, but {len(images)} depth images in {folder / DEPTH_FOLDER}")
     colors = _color_images(folder, len(images))
-    frames = [FrameRef(i, images[i], poses[i], color_path=colors[i]) for i in range(len(images))]
-    return Listing(frames, options.camera or CAMERA, _read_depth)
+    camera = options.camera or CAMERA
+    return Listing(
+        [
+            FrameRef(i, camera, partial(_read_depth, images[i]), poses[i], color_path=colors[i])
+            for i in range(len(images))
+        ]
+    )
 
 
 def _trajectories(path: Path) -> list[Path]:

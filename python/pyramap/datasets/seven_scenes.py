@@ -10,8 +10,9 @@ from pathlib import Path
 
 from .._core import PinholeCamera
 from .errors import DatasetError
+from .intrinsics import Intrinsics
 from .listing import Format, FrameRef, Listing, Options
-from .png import read_png_depth, read_png_size
+from .png import first_png_size, read_png_depth
 from .text import read_matrix
 
 # The intrinsics that the data set's authors publish for all its scenes.
@@ -31,7 +32,7 @@ def _recognise(path: Path) -> bool:
     return path.is_dir() and (_holds_frames(path) or bool(_sequences(path)))
 
 
-def _list_frames(path: Path, options: Options) -> Listing:
+def _list_frames(path: Path, options: Options) -> Listing[FrameRef]:
     files: dict[str, set[str]] = defaultdict(set)
     for match in _frame_files(path):
         files[match[1]].add(match[2])
@@ -40,44 +41,31 @@ def _list_frames(path: Path, options: Options) -> Listing:
     if not digits:
         names = ", ".join(_sequences(path))
         raise DatasetError(path, f"a 7-Scenes scene of several sequences ({names}): open one of them")
-    frames = [_frame(path, d, files[d]) for d in digits]
-    return Listing(frames, options.camera or _camera(path, frames), _read_depth)
+    camera = options.camera or _camera(path, digits)
+    return Listing([_frame(path, d, files[d], camera) for d in digits])
 
 
-def _frame(folder: Path, digits: str, kinds: set[str]) -> FrameRef:
-    def file(kind: str) -> Path:
-        return folder / f"frame-{digits}.{kind}"
-
+def _frame(folder: Path, digits: str, kinds: set[str], camera: PinholeCamera) -> FrameRef:
     return FrameRef(
         index=int(digits),
-        depth_path=file(DEPTH),
-        read_pose=partial(read_matrix, file(POSE), 4),
-        color_path=next((file(kind) for kind in COLOR if kind in kinds), None),
+        camera=camera,
+        read_depth=partial(_read_depth, _file(folder, digits, DEPTH)),
+        read_pose=partial(read_matrix, _file(folder, digits, POSE), 4),
+        color_path=next((_file(folder, digits, kind) for kind in COLOR if kind in kinds), None),
     )
 
 
-def _camera(folder: Path, frames: Iterable[FrameRef]) -> PinholeCamera:
+def _file(folder: Path, digits: str, kind: str) -> Path:
+    return folder / f"frame-{digits}.{kind}"
+
+
+def _camera(folder: Path, digits: Iterable[str]) -> PinholeCamera:
     """The camera of `camera-intrinsics.txt` in the sequence's folder or, shared by a scene, above; else the Kinect."""
     path = next((p for p in (folder / INTRINSICS, folder.parent / INTRINSICS) if p.is_file()), None)
     if path is None:
         return KINECT
-    (fx, skew, cx), (zero, fy, cy), last_row = read_matrix(path, 3).tolist()
-    if skew != 0 or zero != 0 or last_row != [0, 0, 1]:
-        raise DatasetError(path, "expected a matrix fx 0 cx / 0 fy cy / 0 0 1")
-    width, height = _image_size(folder, frames)
-    try:
-        return PinholeCamera(width=width, height=height, fx=fx, fy=fy, cx=cx, cy=cy)
-    except ValueError as error:
-        raise DatasetError(path, str(error)) from error
-
-
-def _image_size(folder: Path, frames: Iterable[FrameRef]) -> tuple[int, int]:
-    for frame in frames:
-        try:
-            return read_png_size(frame.depth_path)
-        except DatasetError:
-            continue  # the first image that can be read decides; the others are reported when they are read
-    raise DatasetError(folder, "not one depth image can be read")
+    intrinsics = Intrinsics.of_matrix(path, read_matrix(path, 3))
+    return intrinsics.camera(path, first_png_size(folder, (_file(folder, d, DEPTH) for d in digits)))
 
 
 def _frame_files(folder: Path) -> Iterable[re.Match[str]]:

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .errors import DatasetError
+
+Content = TypeVar("Content", str, bytes)
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,16 +49,16 @@ class Line:
         return number
 
 
-def read_lines(path: Path) -> list[Line]:
-    """The lines of a text file that are neither blank nor a `#` comment.
+def read_lines(path: Path, separator: str | None = None) -> list[Line]:
+    """The lines of a text file that are neither blank nor a `#` comment; words end at white space or `separator`.
 
     Raises:
         DatasetError: if the file is missing or cannot be read.
     """
     # A binary file in the place of a text file then fails as "expected a number", with its line.
     text = _read_text(path)
-    split = ((number, line.split()) for number, line in enumerate(text.splitlines(), start=1))
-    return [Line(path, number, words) for number, words in split if words and not words[0].startswith("#")]
+    split = ((number, line.split(separator)) for number, line in enumerate(text.splitlines(), start=1) if line.strip())
+    return [Line(path, number, words) for number, words in split if not words[0].startswith("#")]
 
 
 def read_comments(path: Path) -> str:
@@ -71,6 +75,11 @@ def read_matrix(path: Path, size: int) -> NDArray[np.float64]:
     return matrix(path, read_lines(path), size)
 
 
+def read_bytes(path: Path) -> bytes:
+    """The content of a file. Raises `DatasetError` if it is missing or cannot be read."""
+    return _read(path, path.read_bytes)
+
+
 def matrix(path: Path, lines: Sequence[Line], size: int) -> NDArray[np.float64]:
     """The (size, size) matrix whose rows are `lines` of the file `path`.
 
@@ -83,8 +92,12 @@ def matrix(path: Path, lines: Sequence[Line], size: int) -> NDArray[np.float64]:
 
 
 def _read_text(path: Path) -> str:
+    return _read(path, partial(path.read_text, encoding="utf-8", errors="replace"))
+
+
+def _read(path: Path, read: Callable[[], Content]) -> Content:
     try:
-        return path.read_text(encoding="utf-8", errors="replace")
+        return read()
     except FileNotFoundError:
         raise DatasetError(path, "the file is missing") from None
     except OSError as error:

@@ -10,6 +10,19 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+# Written with four decimals, a unit quaternion is off by 1e-4; more than this is another kind of number.
+_UNIT_TOLERANCE = 1e-2
+
+
+def unit_quaternion(xyzw: Sequence[float]) -> NDArray[np.float64]:
+    """The (4,) quaternion x y z w, made of unit length. Raises `ValueError` if it is not so but for rounding."""
+    quaternion = np.array(xyzw, dtype=np.float64)
+    norm = float(np.linalg.norm(quaternion))
+    if not abs(norm - 1) <= _UNIT_TOLERANCE:
+        raise ValueError(f"expected a unit quaternion, got one of length {norm:g}")
+    unit: NDArray[np.float64] = quaternion / norm
+    return unit
+
 
 @dataclass(frozen=True, slots=True)
 class TimedPose:

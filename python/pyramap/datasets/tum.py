@@ -15,7 +15,7 @@ from .errors import DatasetError
 from .listing import Format, FrameRef, Listing, Options
 from .png import read_png_depth
 from .text import Line, read_comments, read_lines
-from .trajectory import TimedPose, Trajectory
+from .trajectory import TimedPose, Trajectory, unit_quaternion
 
 DEPTH_LIST = "depth.txt"
 GROUND_TRUTH = "groundtruth.txt"
@@ -34,8 +34,8 @@ FREIBURG = {
 }
 ROS_DEFAULT = _kinect(525.0, 525.0, 319.5, 239.5)
 
-# Written with four decimals, a unit quaternion is off by 1e-4; more than this is another kind of number.
-_QUATERNION_TOLERANCE = 1e-2
+# Seconds between an image and a pose; what the data set's own tools allow.
+MAX_GAP = 0.02
 
 _read_depth = partial(read_png_depth, units_per_metre=5000.0)
 
@@ -44,9 +44,11 @@ def _recognise(path: Path) -> bool:
     return (path / DEPTH_LIST).is_file()
 
 
-def _list_frames(path: Path, options: Options) -> Listing:
+def _list_frames(path: Path, options: Options) -> Listing[FrameRef]:
+    camera = options.camera or _camera(path)
+    max_gap = MAX_GAP if options.max_gap is None else options.max_gap
     trajectory = _read_trajectory(path / GROUND_TRUTH, options.skip_bad)
-    colors = _ColorImages(path, options)
+    colors = _ColorImages(path, max_gap)
     frames: list[FrameRef] = []
     dropped: dict[int, str] = {}
     for index, line in enumerate(read_lines(path / DEPTH_LIST)):
@@ -58,16 +60,17 @@ def _list_frames(path: Path, options: Options) -> Listing:
             dropped[index] = str(error)
             continue
         gap = trajectory.gap(time)
-        if gap > options.max_gap:
-            limit = f"the limit is {options.max_gap * 1e3:g} ms"
+        if gap > max_gap:
+            limit = f"the limit is {max_gap * 1e3:g} ms"
             dropped[index] = f"{depth_path}: the nearest ground-truth pose is {gap * 1e3:.1f} ms away; {limit}"
             continue
-        read_pose = partial(_pose_matrix, trajectory, time, options.max_gap)
-        frames.append(FrameRef(index, depth_path, read_pose, time, colors.nearest(time)))
+        read_depth = partial(_read_depth, depth_path)
+        read_pose = partial(_pose_matrix, trajectory, time, max_gap)
+        frames.append(FrameRef(index, camera, read_depth, read_pose, time, colors.nearest(time)))
     if not frames:
         reasons = f": {next(iter(dropped.values()))}" if dropped else ""
         raise DatasetError(path / DEPTH_LIST, f"none of its {len(dropped)} images can be used{reasons}")
-    return Listing(frames, options.camera or _camera(path), _read_depth, dropped)
+    return Listing(frames, dropped)
 
 
 def _pose_matrix(trajectory: Trajectory, time: float, max_gap: float) -> NDArray[np.float64]:
@@ -91,11 +94,10 @@ def _read_trajectory(path: Path, skip_bad: bool) -> Trajectory:
 
 def _timed_pose(line: Line) -> TimedPose:
     time, *numbers = line.numbers(8)
-    quaternion = np.array(numbers[3:])
-    norm = float(np.linalg.norm(quaternion))
-    if abs(norm - 1) > _QUATERNION_TOLERANCE:
-        raise line.error(f"expected a unit quaternion, got one of length {norm:g}")
-    return TimedPose(time, np.array(numbers[:3]), quaternion / norm)
+    try:
+        return TimedPose(time, np.array(numbers[:3]), unit_quaternion(numbers[3:]))
+    except ValueError as error:
+        raise line.error(str(error)) from None
 
 
 def _timed_file(line: Line) -> tuple[float, Path]:
@@ -108,11 +110,11 @@ def _timed_file(line: Line) -> tuple[float, Path]:
 class _ColorImages:
     """The colour images of `rgb.txt`, if there is one, by time."""
 
-    def __init__(self, folder: Path, options: Options) -> None:
+    def __init__(self, folder: Path, max_gap: float) -> None:
         listed = folder / COLOR_LIST
         self._files = sorted(map(_timed_file, read_lines(listed))) if listed.is_file() else []
         self._times = [time for time, _ in self._files]
-        self._max_gap = options.max_gap
+        self._max_gap = max_gap
 
     def nearest(self, time: float) -> Path | None:
         after = bisect_left(self._times, time)

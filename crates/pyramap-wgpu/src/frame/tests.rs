@@ -18,7 +18,7 @@ use pyramap::update::area::Area;
 use pyramap::update::min_layer::MinLayer;
 use pyramap::update::pyramid::Pyramid;
 use pyramap::update::{Rule, free_increment, update};
-use pyramap::{BeyondMaxRange, SensorModel, SurfaceOffset};
+use pyramap::{BeyondMaxRange, SensorModel, SurfaceOffset, UpdateRule};
 use std::collections::BTreeMap;
 
 const RULES: [UpdateRule; 3] = [UpdateRule::Pyramid, UpdateRule::MinLayer, UpdateRule::Area];
