@@ -33,7 +33,7 @@ class DenseMap(NamedTuple):
 def look_up(array: NDArray[_T], at: NDArray[np.int64], outside: int) -> NDArray[_T]:
     inside = np.all((at >= 0) & (at < array.shape), axis=-1)
     x, y, z = np.moveaxis(np.where(inside[..., None], at, 0), -1, 0)
-    found: NDArray[T] = np.where(inside, array[x, y, z], array.dtype.type(outside))
+    found: NDArray[_T] = np.where(inside, array[x, y, z], array.dtype.type(outside))
     return found
 
 

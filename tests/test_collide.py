@@ -58,7 +58,8 @@ def test_balls(name: str, unknown: Words) -> None:
     expected = [naive(world, centre, centre, radius, unknown) for centre, radius in zip(centres, radii, strict=True)]
     spheres = np.column_stack([centres, radii])
     found = grid.collides(spheres=spheres, unknown=unknown)
-    assert (found.dtype, found.shape) == (np.bool_, (1_500,))
+    assert found.dtype == np.bool_
+    assert found.shape == (1_500,)
     np.testing.assert_array_equal(found, expected)
     assert 100 < found.sum() < 1_400
     # Alone, shapes are looked up in another way.
@@ -132,7 +133,10 @@ def test_shapes_larger_than_the_map(huge: float) -> None:
         ({"spheres": [[0, 0, 0, 1]], "boxes": [[0, 0, 0, 1, 1, 1]]}, "spheres and boxes are both given"),
         ({"spheres": [[0, 0, 0]]}, r"spheres have shape \[1, 3\], expected \(N, 4\)"),
         ({"boxes": [[0, 0, 0, 1]]}, r"boxes have shape \[1, 4\], expected \(N, 6\)"),
-        ({"spheres": [[0, 0, 0, 1], [0, 0, 0, -1]]}, r"spheres is \[0.0, 0.0, 0.0, -1.0\] in row 1, expected a radius of 0"),
+        (
+            {"spheres": [[0, 0, 0, 1], [0, 0, 0, -1]]},
+            r"spheres is \[0.0, 0.0, 0.0, -1.0\] in row 1, expected a radius of 0",
+        ),
         ({"spheres": [[0, 0, 0, math.inf]]}, r"spheres is \[0.0, 0.0, 0.0, inf\] in row 0, expected finite"),
         ({"boxes": [[0, 0, 0, 1, -1, 1]]}, r"boxes is \[0.0, .*\] in row 0, expected the lowest corner first"),
         ({"boxes": [[0, math.nan, 0, 1, 1, 1]]}, r"boxes is \[0.0, NaN, .*\] in row 0, expected finite"),

@@ -22,7 +22,7 @@ NAMES = sorted(GRIDS)
 
 
 def points_around(grid: pm.OccupancyGrid, count: int, seed: int) -> Floats:
-    low, high = np.asarray(grid.bounds) + [[-0.5], [0.5]]
+    low, high = np.asarray(grid.bounds) + np.array([[-0.5], [0.5]])
     return np.random.default_rng(seed).uniform(low, high, (count, 3))
 
 
@@ -117,11 +117,16 @@ def test_points_of_any_kind_of_array() -> None:
 def test_dense_holds_every_voxel(name: str) -> None:
     grid, world = GRIDS[name], WORLDS[name]
     rng = np.random.default_rng(4)
-    regions = [np.asarray(grid.bounds), *(np.sort(points_around(grid, 2, seed), axis=0) for seed in rng.integers(99, size=9))]
+    regions = [
+        np.asarray(grid.bounds),
+        *(np.sort(points_around(grid, 2, seed), axis=0) for seed in rng.integers(99, size=9)),
+    ]
     for region in regions:
         values, first = grid.dense(region)
-        assert (values.dtype, first.dtype, first.shape) == (np.float32, np.int32, (3,))
-        voxels = first + np.stack(np.meshgrid(*map(np.arange, values.shape), indexing="ij"), axis=-1)
+        assert values.dtype == np.float32
+        assert first.dtype == np.int32
+        assert first.shape == (3,)
+        voxels = first.astype(np.int64) + np.moveaxis(np.indices(values.shape), 0, -1)
         np.testing.assert_array_equal(values, world.values(voxels))
         # All voxels whose centres lie in the region, and no others.
         size = grid.voxel_size
@@ -143,7 +148,10 @@ def test_a_region_of_whole_voxels_has_these_voxels() -> None:
 @pytest.mark.parametrize(
     ("region", "message"),
     [
-        ([[0, 0, 0], [1000, 1000, 1000]], "region is 10000 x 10000 x 10000 voxels, 4000000000000 bytes, expected at most"),
+        (
+            [[0, 0, 0], [1000, 1000, 1000]],
+            "region is 10000 x 10000 x 10000 voxels, 4000000000000 bytes, expected at most",
+        ),
         ([[-math.inf] * 3, [math.inf] * 3], "expected at most 2147483648 voxels"),
         ([[0, 0, 1], [1, 1, 1]], r"region is .*, expected a low corner below the high one"),
         ([[0, 0, math.nan], [1, 1, 1]], r"region is \[0.0, 0.0, NaN\]"),
@@ -170,7 +178,8 @@ def test_voxels_by_their_state(name: str) -> None:
         (grid.free_voxels(), np.argwhere(free)),
         (grid.unknown_voxels_next_to_free(), np.argwhere(unknown & beside) - 1),
     ):
-        assert (found.dtype, found.ndim) == (np.int32, 2)
+        assert found.dtype == np.int32
+        assert found.ndim == 2
         assert len(found) > 100
         expected = expected + world.first
         # By block, and in each by x, y, z.
@@ -196,10 +205,16 @@ def test_centres_of_voxels() -> None:
 @pytest.mark.parametrize(
     ("ask", "message"),
     [
-        (lambda grid: grid.state([[0, 0, 0], [1, math.nan, 1]]), r"points is \[1.0, NaN, 1.0\] in row 1, expected finite"),
+        (
+            lambda grid: grid.state([[0, 0, 0], [1, math.nan, 1]]),
+            r"points is \[1.0, NaN, 1.0\] in row 1, expected finite",
+        ),
         (lambda grid: grid.log_odds([[0, math.inf, 0]], "trilinear"), r"points is \[0.0, inf, 0.0\] in row 0"),
         (lambda grid: grid.log_odds([0, 0, 0]), r"points have shape \[3\], expected \(N, 3\)"),
-        (lambda grid: grid.probability([[0, 0, 0]], "cubic"), 'interpolation is "cubic", expected "nearest" or "trilinear"'),
+        (
+            lambda grid: grid.probability([[0, 0, 0]], "cubic"),
+            'interpolation is "cubic", expected "nearest" or "trilinear"',
+        ),
         (lambda grid: grid.voxel_centres([[0.5, 0, 0]]), "indices have dtype float64"),
         (lambda grid: grid.voxel_centres([[2**31, 0, 0]]), "indices hold 2147483648, expected numbers of 32 bits"),
     ],

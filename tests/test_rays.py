@@ -73,12 +73,10 @@ def assert_agree(
     """Holds rays against the naive program. A ray may stop earlier, in a voxel that it touches and that stops rays."""
     hits = grid.cast_rays(origins, directions, max_range, unknown)
     naive = naive_cast(world, origins, directions, max_range, unknown)
-    assert (len(hits), hits.distance.dtype, hits.state.dtype, hits.voxel.dtype) == (
-        len(origins),
-        np.float64,
-        np.int8,
-        np.int32,
-    )
+    assert len(hits) == len(origins)
+    assert hits.distance.dtype == np.float64
+    assert hits.state.dtype == np.int8
+    assert hits.voxel.dtype == np.int32
     same = (hits.voxel == naive.voxel).all(axis=1) & (hits.state == naive.state)
     with np.errstate(invalid="ignore"):
         same &= (hits.distance == naive.distance) | (np.abs(hits.distance - naive.distance) < 1e-12)
@@ -110,7 +108,7 @@ WORLDS = {name: dense_map(grid) for name, grid in GRIDS.items()}
 def test_a_million_random_rays(name: str, unknown: Words) -> None:
     rng = np.random.default_rng(11)
     grid, world = GRIDS[name], WORLDS[name]
-    low, high = np.asarray(grid.bounds) + [[-0.3], [0.3]]
+    low, high = np.asarray(grid.bounds) + np.array([[-0.3], [0.3]])
     stopped = {UNKNOWN: 0, OCCUPIED: 0}
     for _ in range(25):
         origins = rng.uniform(low, high, (10_000, 3))
@@ -147,6 +145,31 @@ def test_rays_through_faces_edges_and_corners(
     assert_agree(GRIDS[name], world, origins, np.array([direction], float), max_range, unknown)
 
 
+@pytest.mark.parametrize("name", ["biased", "few"])
+@pytest.mark.parametrize("unknown", ["stop", "pass"])
+def test_many_rays_through_faces_edges_and_corners(name: str, unknown: Words) -> None:
+    """The same, as many at once as to be looked up in the other way."""
+    rng = np.random.default_rng(15)
+    grid, world = GRIDS[name], WORLDS[name]
+    assert len(grid.block_coords()) < 10_000 / 8
+    origins = rng.integers(4 * world.first, 4 * (world.first + world.states.shape), (10_000, 3)) * world.voxel_size / 4
+    directions = rng.integers(-3, 4, (10_000, 3)).astype(float)
+    directions[~directions.any(axis=1)] = [0, -1, 0]
+    assert_agree(grid, world, origins, directions, 3.0, unknown)
+
+
+def test_one_altered_voxel_is_noticed() -> None:
+    grid = GRIDS["few"]
+    origins = grid.voxel_centres(grid.free_voxels())
+    directions = np.tile([0.3, -0.5, 1.0], (len(origins), 1))
+    world = dense_map(grid)
+    hits = assert_agree(grid, world, origins, directions, 3.0, "pass")
+    x, y, z = hits.voxel[hits.state == OCCUPIED][0] - world.first
+    world.states[x, y, z] = UNKNOWN
+    with pytest.raises(AssertionError):
+        assert_agree(grid, world, origins, directions, 3.0, "pass")
+
+
 @pytest.mark.parametrize("name", sorted(GRIDS))
 @pytest.mark.parametrize("unknown", ["stop", "pass"])
 def test_rays_along_axes(name: str, unknown: Words) -> None:
@@ -171,7 +194,8 @@ def test_a_ray_alone_is_a_ray_among_many(unknown: Words) -> None:
     """Few rays and many are looked up in different ways, with the same result to the last bit."""
     rng = np.random.default_rng(13)
     grid = GRIDS["room"]
-    origins = rng.uniform(*np.asarray(grid.bounds), (20_000, 3))
+    low, high = np.asarray(grid.bounds)
+    origins = rng.uniform(low, high, (20_000, 3))
     directions = rng.standard_normal((20_000, 3))
     many = grid.cast_rays(origins, directions, 3.0, unknown)
     for row in range(0, 20_000, 40):
@@ -190,9 +214,10 @@ def test_a_wall() -> None:
     assert hit.state[0] == OCCUPIED
     np.testing.assert_array_equal(hit.voxel[0], [0, 0, round((0.51 + distance) / 0.05)])
     # Inside what is occupied, and in what nobody has seen, with either word.
-    for unknown, behind in (("stop", 0.0), ("pass", np.inf)):
+    behind: dict[Words, float] = {"stop": 0.0, "pass": np.inf}
+    for unknown, distance in behind.items():
         inside = grid.cast_rays([grid.voxel_centres(hit.voxel)[0], [0, 0, 4.0]], [ahead, ahead], 5.0, unknown)
-        np.testing.assert_array_equal(inside.distance, [0.0, behind])
+        np.testing.assert_array_equal(inside.distance, [0.0, distance])
         np.testing.assert_array_equal(inside.state, [OCCUPIED, UNKNOWN if unknown == "stop" else 0])
     # From behind, through the unknown, and from far outside.
     back = grid.cast_rays([[0.01, 0.01, 4.0], [0.01, 0.01, 1e6]], [[0, 0, -1]] * 2, math.inf, "pass")
@@ -238,9 +263,9 @@ def test_one_origin_for_all() -> None:
 def test_any_length_of_direction_will_do() -> None:
     grid = map_of([wall(2.0)])
     lengths = [1e-320, 1e-200, 1.0, 1e200, 1.7e308]
-    hits = grid.cast_rays([0.01, 0.01, 0.5], [[0, 0, length] for length in lengths], 5.0)
+    hits = grid.cast_rays([0.01, 0.01, 0.5], [[0.0, 0.0, length] for length in lengths], 5.0)
     assert len(set(hits.distance)) == 1
-    tilted = grid.cast_rays([0.01, 0.01, 0.5], [[1e-320, -1e-310, 1.0], [0, 0, 1]], 5.0)
+    tilted = grid.cast_rays([0.01, 0.01, 0.5], [[1e-320, -1e-310, 1.0], [0.0, 0.0, 1.0]], 5.0)
     assert len(set(tilted.distance)) == 1
 
 
@@ -251,7 +276,13 @@ def test_any_length_of_direction_will_do() -> None:
         ([[0, 0, 0]] * 2, [[0, 0, 1], [0, math.nan, 1]], 1.0, "stop", r"directions is \[0.0, NaN, 1.0\] in row 1"),
         ([[0, 0, 0]], [[math.inf, 0, 0]], 1.0, "stop", r"directions is \[inf, 0.0, 0.0\] in row 0"),
         ([[0, math.nan, 0]], [[0, 0, 1]], 1.0, "pass", r"origins is \[0.0, NaN, 0.0\] in row 0, expected finite"),
-        ([[0, 0, 2e8]], [[0, 0, 1]], 1.0, "pass", r"origins is \[0.0, 0.0, 200000000.0\] in row 0, .* within 134217728 m"),
+        (
+            [[0, 0, 2e8]],
+            [[0, 0, 1]],
+            1.0,
+            "pass",
+            r"origins is \[0.0, 0.0, 200000000.0\] in row 0, .* within 134217728 m",
+        ),
         ([[0, 0, 0]], [[0, 0, 1]] * 2, 1.0, "stop", "number of directions is 2, expected 1, one for each"),
         ([[0, 0, 0]], [[0, 0, 1]], 0.0, "stop", "max_range is 0, expected a positive"),
         ([[0, 0, 0]], [[0, 0, 1]], math.nan, "stop", "max_range is NaN"),

@@ -131,10 +131,11 @@ def ask_of(grid: pm.OccupancyGrid, count: int) -> Questions:
     start = grid.voxel_centres(rng.choice(grid.free_voxels(), count))
     directions = rng.standard_normal((count, 3))
     assert grid.bounds is not None, "the map is not empty"
+    low, high = grid.bounds
     return Questions(
         start + grid.voxel_size * rng.uniform(-0.5, 0.5, (count, 3)),
         directions / np.linalg.norm(directions, axis=1, keepdims=True),
-        rng.uniform(*grid.bounds, (count, 3)),
+        rng.uniform(low, high, (count, 3)),
     )
 
 
@@ -220,7 +221,9 @@ def _table(times: Sequence[Times]) -> Table:
     for column in ("question", "threads", "mean distance", "pyramap", OCTOMAP, "times as fast", "reached", "alike"):
         table.add_column(column, justify="left" if column == "question" else "right", no_wrap=True)
     for each in times:
-        cells = [f"{median(values):,.0f} ({min(values):,.0f})" if values else "" for values in (each.pyramap, each.octomap)]
+        cells = [
+            f"{median(values):,.0f} ({min(values):,.0f})" if values else "" for values in (each.pyramap, each.octomap)
+        ]
         mean = "" if each.mean_distance is None else f"{each.mean_distance:.2f} m"
         goal = each.goal()
         ratio = [f"{1 / goal.ratio:.1f}", "yes" if goal.reached else "no"] if goal else ["", ""]

@@ -48,12 +48,7 @@ impl OccupancyGrid {
         })
     }
 
-    fn collides<T: Sync>(
-        &self,
-        rows: &[T],
-        unknown: Unknown,
-        shape: impl Fn(&T) -> Shape + Sync,
-    ) -> Result<Vec<bool>> {
+    fn collides<T: Sync>(&self, rows: &[T], unknown: Unknown, shape: impl Fn(&T) -> Shape + Sync) -> Result<Vec<bool>> {
         self.fetch()?;
         let (blocks, threshold, keys) = (Lookup::new(self, rows.len()), Threshold::of(self), OnceLock::new());
         let scene = Scene { blocks, threshold, unknown, keys };

@@ -54,7 +54,8 @@ impl<T: Send + Sync> Window<T> {
     /// The same, with items too for all that touch a block by a face, an edge or a corner.
     pub fn map_around<U: Send + Sync>(self, item: impl Fn(&Self, BlockKey) -> U + Sync) -> Window<U> {
         let (low, size) = (self.low.map(|k| k - 1), self.size.map(|n| n + 2));
-        let mut around = Window { low, size, places: vec![0; size.iter().product()], keys: Vec::new(), items: Vec::new() };
+        let mut around =
+            Window { low, size, places: vec![0; size.iter().product()], keys: Vec::new(), items: Vec::new() };
         for &key in &self.keys {
             for n in 0..27 {
                 let key = [key[0] + n / 9 - 1, key[1] + n / 3 % 3 - 1, key[2] + n % 3 - 1];
