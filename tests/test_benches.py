@@ -58,6 +58,19 @@ def test_distance_fields_are_timed_beside_scipy(tmp_path: Path) -> None:
     assert all(len(updates) == 9 for updates in results["updates_while_mapping"].values())
 
 
+def test_queries_are_timed_and_compared(tmp_path: Path) -> None:
+    options = ["--data", "office", "--frames", "3", "--rounds", "2", "--threads", "1", "--voxel-size", str(VOXEL_SIZE)]
+    said = run("peers.queries", *options, "--count", "1000", "--out", tmp_path)
+    assert "Nanoseconds for a question" in said
+    results = json.loads((tmp_path / "queries.json").read_text())
+    times = results["times"]
+    assert [each["question"] for each in times] == ["rays, unknown: stop", "rays, unknown: pass", "points"]
+    assert all(len(each["pyramap"]) == 2 and min(each["pyramap"]) > 0 for each in times)
+    # The peer is there or is said to be missing; where it is, both give the same answers.
+    assert ("left out: pyoctomap" in said) == (results["ratios"] == [])
+    assert all(each["alike"] is None or each["alike"] > 0.999 for each in times)
+
+
 def run(module: str, *arguments: object) -> str:
     """Runs `python -m module` with benches/ on the path and returns what it wrote."""
     command = [sys.executable, "-m", module, *map(str, arguments)]

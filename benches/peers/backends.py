@@ -30,6 +30,7 @@ TURN_FRAMES = 10
 WHOLE = "whole"
 
 Backend: TypeAlias = Literal["cpu", "gpu"]
+GpuRule: TypeAlias = Literal["pyramid", "area", "min_layer"]
 Times = dict[Backend, dict[str, list[float]]]
 """Milliseconds: of each frame, or in the case of the whole of each turn, by stage."""
 
@@ -39,7 +40,7 @@ def main(
     frames: Annotated[int, typer.Option(min=1, help="How many frames, spread over the sequence.")] = 40,
     rounds: Annotated[int, typer.Option(min=1, help="How often each backend maps them.")] = 5,
     resolutions: Annotated[str, typer.Option(help="Voxel sizes in metres.")] = "0.02,0.04,0.08,0.16",
-    update: Annotated[str, typer.Option(help="The update rule.")] = "pyramid",
+    update: Annotated[GpuRule, typer.Option(help="The update rule.")] = "pyramid",
     adapter: Annotated[str, typer.Option(help="Part of the GPU's name; the first of all unless given.")] = "",
     out: Annotated[Path, typer.Option(help="Folder for backends.json.")] = Path("out/peers"),
 ) -> None:
@@ -63,7 +64,7 @@ def main(
     (out / "backends.json").write_text(json.dumps(report, indent=1) + "\n")
 
 
-def time_backends(images: list[Frame], voxel_size: float, update: str, adapter: str, rounds: int) -> Times:
+def time_backends(images: list[Frame], voxel_size: float, update: GpuRule, adapter: str, rounds: int) -> Times:
     """Every round maps all frames anew; the first is for warming up and is not counted."""
     height, width = images[0].depth.shape
     intrinsics = images[0].intrinsics

@@ -7,6 +7,7 @@ use pyramap::{State, Unknown};
 use std::collections::HashMap;
 
 /// Blocks held as tests make them, in voxels of one metre.
+#[derive(Debug)]
 struct Map(HashMap<BlockKey, Content>);
 
 #[derive(Clone, Debug)]

@@ -8,7 +8,6 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from statistics import median
 from time import perf_counter
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +19,8 @@ from .interrupts import Interrupts
 from .terminal import frame_progress
 
 
-class Fused(NamedTuple):
+@dataclass(frozen=True)
+class Fused:
     """A frame that the map has taken."""
 
     index: int

@@ -190,26 +190,24 @@ impl Steps {
     fn leave_cubes(&mut self) {
         let Rays { origin, direction, inverse, upwards } = &self.rays;
         self.middle = self.voxel;
-        let room = self.room;
-        let first = each(|a| lanes(|n| self.middle[a][n] - room[n]));
-        let face = each(|a| faces(first[a], room, upwards[a]));
-        let exits = each(|a| exit(face[a], origin[a], inverse[a]));
-        let distance = lanes(|n| least(exits[0][n], least(exits[1][n], exits[2][n])));
-        let mut margins = [1.0; LANES];
-        for a in 0..3 {
-            let at = along(origin[a], direction[a], distance);
-            let nearest = whole(at);
-            let inside = within(nearest, first[a], room);
-            let left = lanes(|n| exits[a][n] - distance[n]);
-            let beyond = lanes(|n| face[a][n] + (upwards[a][n] - 1.0));
-            self.voxel[a] = where_zero(left, beyond, inside);
-            let margin = where_zero(left, [1.0; LANES], margin(at, nearest));
-            margins = lanes(|n| least(margins[n], margin[n]));
-        }
-        (self.distance, self.margin) = (distance, margins);
-        for a in 0..3 {
-            for n in 0..LANES {
-                self.index[a][n] = (self.voxel[a][n] + ONES).to_bits() as i32;
+        for n in 0..LANES {
+            let room = self.room[n];
+            let first = each(|a| self.middle[a][n] - room);
+            let face = each(|a| first[a] + upwards[a][n] * (2.0 * room + 1.0));
+            let exit = each(|a| (face[a] - origin[a][n]) * inverse[a][n]);
+            let distance = least(exit[0], least(exit[1], exit[2]));
+            // Places in voxels from the centre of voxel 0, and the centres that they are nearest to.
+            let at = each(|a| origin[a][n] + distance * direction[a][n] - 0.5);
+            let nearest = each(|a| (at[a] + ONES) - ONES);
+            let margin = each(|a| if exit[a] == distance { 1.0 } else { (0.5 - DOUBT) - (at[a] - nearest[a]).abs() });
+            self.distance[n] = distance;
+            self.margin[n] = least(margin[0], least(margin[1], margin[2]));
+            for a in 0..3 {
+                let inside = least(most(nearest[a], first[a]), first[a] + 2.0 * room);
+                let beyond = face[a] + (upwards[a][n] - 1.0);
+                let voxel = if exit[a] == distance { beyond } else { inside };
+                self.voxel[a][n] = voxel;
+                self.index[a][n] = (voxel + ONES).to_bits() as i32;
             }
         }
     }
@@ -220,53 +218,4 @@ impl Steps {
         let side = |sign: f64| -> VoxelIndex { each(|a| (self.middle[a][lane] + sign * self.room[lane]) as i32) };
         self.rays.get(lane).leave_box(side(-1.0), side(1.0))
     }
-}
-
-/// The faces through which rays can leave their cubes.
-#[inline(always)]
-fn faces(first: Lane, room: Lane, upwards: Lane) -> Lane {
-    lanes(|n| first[n] + upwards[n] * (2.0 * room[n] + 1.0))
-}
-
-/// How far along the rays they lie.
-#[inline(always)]
-fn exit(face: Lane, origin: Lane, inverse: Lane) -> Lane {
-    lanes(|n| (face[n] - origin[n]) * inverse[n])
-}
-
-/// Places along an axis, in voxels from the centre of voxel 0.
-#[inline(always)]
-fn along(origin: Lane, direction: Lane, distance: Lane) -> Lane {
-    lanes(|n| origin[n] + distance[n] * direction[n] - 0.5)
-}
-
-#[inline(always)]
-fn whole(x: Lane) -> Lane {
-    lanes(|n| (x[n] + ONES) - ONES)
-}
-
-#[inline(always)]
-fn within(x: Lane, first: Lane, room: Lane) -> Lane {
-    lanes(|n| least(most(x[n], first[n]), first[n] + 2.0 * room[n]))
-}
-
-/// How far places are from where a face is in doubt; `nearest` are the centres that they are nearest to.
-#[inline(always)]
-fn margin(at: Lane, nearest: Lane) -> Lane {
-    lanes(|n| (0.5 - DOUBT) - (at[n] - nearest[n]).abs())
-}
-
-#[inline(always)]
-fn where_zero(x: Lane, yes: Lane, no: Lane) -> Lane {
-    lanes(|n| if x[n] == 0.0 { yes[n] } else { no[n] })
-}
-
-/// One value of each lane.
-#[inline(always)]
-fn lanes(of: impl Fn(usize) -> f64) -> Lane {
-    let mut values = [0.0; LANES];
-    for (n, value) in values.iter_mut().enumerate() {
-        *value = of(n);
-    }
-    values
 }
