@@ -9,7 +9,7 @@ export VIRTUAL_ENV := $(CURDIR)/$(VENV)
 export PYO3_PYTHON := $(CURDIR)/$(PY)
 unexport CONDA_PREFIX
 
-.PHONY: demo test vulkan setup build lint test-rust test-python bench bench-instructions bench-peers bench-peers-full peers clean
+.PHONY: demo test vulkan setup build lint test-rust test-python bench bench-instructions bench-peers bench-peers-full bench-backends peers clean
 
 demo: build
 	$(VENV)/bin/pyramap demo -o out
@@ -81,6 +81,10 @@ bench-peers: peers
 
 bench-peers-full: peers
 	PYTHONPATH=benches $(PEERS)/bin/python -m peers.full_run $(ARGS)
+
+# Every stage on the CPU and on a GPU (ARGS="--adapter NAME"), in turns.
+bench-backends: build
+	PYTHONPATH=benches $(PY) -m peers.backends $(ARGS)
 
 peers: setup | $(PEERS)
 	rm -rf $(PEERS)/wheels

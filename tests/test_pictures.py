@@ -76,6 +76,20 @@ def test_a_ball_is_a_disc_of_its_size_lit_in_the_middle() -> None:
     assert image[140:160, 140:160].mean() > image[150, 52:55].mean() + 40
 
 
+def test_fronts_take_the_colours_of_their_vertices() -> None:
+    red, blue = (200, 0, 0), (0, 0, 200)
+    floor = trimesh.Trimesh([[-2, -2, 0], [2, -2, 0], [2, 2, 0], [-2, 2, 0]], [[0, 1, 2], [0, 2, 3]])
+    view = straight_down(width=3.2, pixels=64)
+    image = pictures.mesh_image(floor.vertices, floor.faces, view, colours=[red, blue, blue, red]).astype(float)
+    # x runs from -1.6 to 1.6 m over 64 pixels, and from red to blue over 4 m.
+    x = (np.arange(64) + 0.5) / 64 * 3.2 - 1.6
+    share = image[30, :, 2] / (image[30, :, 0] + image[30, :, 2])
+    np.testing.assert_allclose(
+        share, (x + 2) / 4, atol=0.01
+    )  # two roundings of values near 200, or near 20 at the ends
+    assert image[..., 1].max() == 0
+
+
 def test_edges_are_antialiased() -> None:
     plate = trimesh.creation.box(extents=[1.0, 1.0, 0.01])
     # 100 pixels a metre, moved by half a pixel: the columns at the edge are half covered.

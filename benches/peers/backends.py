@@ -1,7 +1,7 @@
 """`python -m peers.backends`: milliseconds a frame by stage, on the CPU and on a GPU, in turns, in one run.
 
-The frames are decoded before. "whole" is the wall's time: on a GPU stages of one frame run beside those of the next, so
-that it may be less than their sum.
+The frames are decoded before. Stages are timed one frame at a time; so is "whole", by the clock on the wall. In a row,
+a frame is begun before the one before it is done, as `integrate` does by itself.
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ TURN_FRAMES = 10
 """Frames that one backend fuses before it is the other's turn."""
 
 WHOLE = "whole"
+IN_A_ROW = "whole, in a row"
 
 Backend: TypeAlias = Literal["cpu", "gpu"]
 GpuRule: TypeAlias = Literal["pyramid", "area", "min_layer"]
@@ -65,14 +66,14 @@ def main(
 
 
 def time_backends(images: list[Frame], voxel_size: float, update: GpuRule, adapter: str, rounds: int) -> Times:
-    """Every round maps all frames anew; the first is for warming up and is not counted."""
+    """Every round maps all frames anew, twice: one at a time, and in a row. A first one warms up and is not counted."""
     height, width = images[0].depth.shape
     intrinsics = images[0].intrinsics
     fx, fy, cx, cy = (float(intrinsics[at]) for at in ((0, 0), (1, 1), (0, 2), (1, 2)))
     camera = pm.PinholeCamera(width=width, height=height, fx=fx, fy=fy, cx=cx, cy=cy)
     turns = [images[start : start + TURN_FRAMES] for start in range(0, len(images), TURN_FRAMES)]
     times: Times = {"cpu": defaultdict(list), "gpu": defaultdict(list)}
-    for number in range(rounds + 1):
+    for number in range(2 * rounds + 1):
         maps = {
             backend: pm.OccupancyGrid(
                 voxel_size,
@@ -83,18 +84,21 @@ def time_backends(images: list[Frame], voxel_size: float, update: GpuRule, adapt
             )
             for backend in times
         }
+        one_at_a_time = number % 2 == 1
         for turn in turns:
             for backend, grid in maps.items():
-                start = perf_counter()
-                stats = [grid.integrate(frame.depth, camera, frame.world_from_camera) for frame in turn]
+                start, stats = perf_counter(), []
+                for frame in turn:
+                    stats.append(grid.integrate(frame.depth, camera, frame.world_from_camera))
+                    if one_at_a_time:
+                        grid.synchronize()
                 grid.synchronize()
-                whole = perf_counter() - start
+                ms = 1e3 * (perf_counter() - start) / len(turn)
                 if number == 0:
                     continue
-                times[backend][WHOLE].append(1e3 * whole / len(turn))
-                for frame in stats:
-                    for stage, seconds in frame.seconds.items():
-                        times[backend][stage].append(1e3 * seconds)
+                times[backend][WHOLE if one_at_a_time else IN_A_ROW].append(ms)
+                for stage, seconds in (item for one in stats if one_at_a_time for item in one.seconds.items()):
+                    times[backend][stage].append(1e3 * seconds)
     return times
 
 
@@ -104,8 +108,8 @@ def _table(title: str, times: Times) -> Table:
     for backend in times:
         table.add_column(f"{backend}: median (quartiles)", justify="right")
     table.add_column("gpu / cpu", justify="right")
-    stages = [stage for stage in times["gpu"] if stage != WHOLE]
-    for stage in [*stages, WHOLE]:
+    wholes = [WHOLE, IN_A_ROW]
+    for stage in [stage for stage in times["gpu"] if stage not in wholes] + wholes:
         cells = [_spread(times[backend][stage]) for backend in times]
         cpu, gpu = (median(times[backend][stage]) for backend in times)
         table.add_row(stage, *cells, f"{gpu / cpu:.2f}" if cpu > 0 else "")

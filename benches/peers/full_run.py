@@ -15,6 +15,7 @@ from tempfile import TemporaryDirectory
 from typing import Annotated, Any
 
 import typer
+from pyramap.paper.table1 import PAPER
 from rich.table import Table
 
 from . import source
@@ -22,14 +23,6 @@ from .footprint import Footprint, measure
 from .frames import FrameFile
 from .results import machine, wide_console
 from .systems import CLAMPED, PYRAMID, System
-
-PAPER: dict[float, tuple[float, float]] = {
-    0.02: (408, 4.23),
-    0.04: (90.6, 0.99),
-    0.08: (48.6, 0.30),
-    0.16: (34.2, 0.06),
-}
-"""The paper's Table 1 by voxel size in metres: seconds and GB for 684 frames of its own office loop."""
 
 ROOM_VOXEL_SIZE = 0.02
 """Metres: how finely the data set is mapped."""

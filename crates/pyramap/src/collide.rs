@@ -6,7 +6,7 @@
 use crate::block::{BLOCK_EDGE, Block, BlockKey, Blocks, VoxelIndex, locate};
 use crate::error::{Error, Result};
 use crate::grid::OccupancyGrid;
-use crate::query::check_finite;
+use crate::query::{check_finite, first_row};
 use crate::ray::{each, floor};
 use crate::state::{Threshold, Unknown};
 use crate::window::Lookup;
@@ -59,10 +59,10 @@ impl OccupancyGrid {
 fn refuse<const N: usize>(
     name: &'static str,
     rows: &[[f64; N]],
-    bad: impl Fn(&[f64; N]) -> bool,
+    bad: impl Fn(&[f64; N]) -> bool + Sync,
     expected: &str,
 ) -> Result<()> {
-    match rows.iter().position(bad) {
+    match first_row(rows, bad) {
         None => Ok(()),
         Some(row) => {
             Err(Error::Parameter { name, got: format!("{:?} in row {row}", rows[row]), expected: expected.into() })

@@ -161,7 +161,7 @@ fn interpolated(blocks: &impl Blocks, point: [f64; 3]) -> Option<f64> {
 
 /// Refuses rows that are not finite, by the name of the argument.
 pub(crate) fn check_finite<const N: usize>(name: &'static str, rows: &[[f64; N]]) -> Result<()> {
-    match first_row_with(rows, |c| !c.is_finite()) {
+    match first_row(rows, |row| row.iter().fold(false, |any, c| any | !c.is_finite())) {
         None => Ok(()),
         Some(row) => Err(Error::Parameter {
             name,
@@ -171,13 +171,13 @@ pub(crate) fn check_finite<const N: usize>(name: &'static str, rows: &[[f64; N]]
     }
 }
 
-/// The first row with such a number.
-pub(crate) fn first_row_with<const N: usize>(rows: &[[f64; N]], such: impl Fn(f64) -> bool + Sync) -> Option<usize> {
-    /// So many rows are looked through without a branch, in vector instructions.
+/// The first row that is such; best without a branch in `such`, since nearly all are not.
+pub(crate) fn first_row<const N: usize>(rows: &[[f64; N]], such: impl Fn(&[f64; N]) -> bool + Sync) -> Option<usize> {
+    /// So many rows are looked through without asking whether one was found.
     const CHUNK: usize = 1024;
-    let any = |numbers: &[f64]| numbers.iter().fold(false, |any, &c| any | such(c));
-    let first = CHUNK * rows.par_chunks(CHUNK).with_min_len(8).position_first(|rows| any(rows.as_flattened()))?;
-    rows[first..].iter().position(|row| any(row)).map(|n| first + n)
+    let any = |rows: &[[f64; N]]| rows.iter().fold(false, |any, row| any | such(row));
+    let first = CHUNK * rows.par_chunks(CHUNK).with_min_len(8).position_first(any)?;
+    rows[first..].iter().position(such).map(|n| first + n)
 }
 
 pub(crate) fn known_log_odds(evidence: i32, l_0: f64) -> f32 {

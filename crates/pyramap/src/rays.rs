@@ -12,7 +12,7 @@ use crate::block::{BLOCK_EDGE, Block, BlockKey, Blocks, VoxelIndex, locate};
 use crate::error::{Error, Result};
 use crate::grid::OccupancyGrid;
 use crate::mask::Mask;
-use crate::query::first_row_with;
+use crate::query::first_row;
 use crate::ray::{Place, Ray, each};
 use crate::state::{State, Threshold, Unknown};
 use crate::window::{Window, bounds};
@@ -110,12 +110,16 @@ fn check(voxel_size: f64, origins: &[[f64; 3]], directions: &[[f64; 3]], max_ran
     }
     // Voxels beyond have no index.
     let limit = -f64::from(i32::MIN) * voxel_size;
-    if let Some(row) = first_row_with(origins, |c| c.is_nan() || c.abs() >= limit) {
+    let far = |origin: &[f64; 3]| origin.iter().fold(false, |far, c| far | (c.is_nan() | (c.abs() >= limit)));
+    if let Some(row) = first_row(origins, far) {
         let expected = format!("finite coordinates within {limit} m");
         return refuse("origins", format!("{:?} in row {row}", origins[row]), expected);
     }
-    let zero = || directions.par_iter().with_min_len(4096).position_first(|direction| *direction == [0.0; 3]);
-    if let Some(row) = first_row_with(directions, |c| !c.is_finite()).or_else(zero) {
+    let aimless = |direction: &[f64; 3]| {
+        let largest = direction.iter().fold(0.0, |largest, c| if c.abs() > largest { c.abs() } else { largest });
+        (largest == 0.0) | direction.iter().fold(false, |any, c| any | !c.is_finite())
+    };
+    if let Some(row) = first_row(directions, aimless) {
         let expected = "finite vectors of any length but zero".into();
         return refuse("directions", format!("{:?} in row {row}", directions[row]), expected);
     }

@@ -1,4 +1,4 @@
-"""The shell: `pyramap demo | map | info | mesh | slice`, one module each.
+"""The shell: `pyramap demo | map | info | mesh | slice | paper`, one module each.
 
 Exit codes: 0 done, 1 failed (the message on stderr says why), 2 wrongly called, 130 interrupted.
 """
@@ -16,6 +16,7 @@ from .failures import ExplainingGroup
 from .info import describe_map
 from .map import map_dataset
 from .mesh import mesh_map
+from .paper import repeat_paper
 from .slice import slice_map
 
 app = typer.Typer(
@@ -50,6 +51,7 @@ app.command("map")(map_dataset)
 app.command("info")(describe_map)
 app.command("mesh")(mesh_map)
 app.command("slice")(slice_map)
+app.command("paper")(repeat_paper)
 
 
 def main() -> None:

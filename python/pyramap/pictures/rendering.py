@@ -41,6 +41,7 @@ def mesh_image(
     view: View,
     normals: ArrayLike | None = None,
     hide_backs: bool = True,
+    colours: ArrayLike | None = None,
 ) -> NDArray[np.uint8]:
     """Draw a mesh: shaded by a soft headlight, darker in corners and near contacts, antialiased, on white.
 
@@ -51,6 +52,7 @@ def mesh_image(
         normals: (V, 3) unit normals for smooth shading; without them each face is flat.
         hide_backs: Leave out the faces that show their back, so that one looks through ceilings and outer walls into
             rooms; otherwise they are drawn in blue.
+        colours: (V, 3) uint8 RGB of fronts; without them they are a warm white.
 
     Returns:
         (height, width, 3) uint8 image.
@@ -64,7 +66,8 @@ def mesh_image(
     image = np.full((height, width, 3), BACKGROUND, dtype=np.float32)
     if len(triangles) == 0:
         return image.astype(np.uint8)
-    surface = _Surface(points, triangles, None if normals is None else np.asarray(normals, dtype=np.float32))
+    at_vertices = (None if values is None else np.asarray(values, dtype=np.float32) for values in (normals, colours))
+    surface = _Surface(points, triangles, *at_vertices)
 
     positions = np.full((height, width, 3), np.nan, dtype=np.float32)
     facing = np.zeros((height, width, 3), dtype=np.float32)
@@ -96,9 +99,12 @@ class _Seen:
 class _Surface:
     """Triangles, relative to the eye, ready for ray casting."""
 
-    def __init__(self, points: Floats, triangles: NDArray[np.int32], normals: Floats | None) -> None:
+    def __init__(
+        self, points: Floats, triangles: NDArray[np.int32], normals: Floats | None, colours: Floats | None
+    ) -> None:
         self.triangles = triangles
         self.normals = normals
+        self.colours = colours
         self.scene: Any = EmbreeScene(robust=True)
         TriangleMesh(self.scene, points, triangles)
 
@@ -119,21 +125,21 @@ class _Surface:
         flat = _normalised(hits["Ng"][met])
         from_behind = np.sum(flat * looking, axis=1) > 0
         side = np.where(from_behind, -1, 1).astype(np.float32)[:, None]
-        shading = flat if self.normals is None else self._smooth(hits, met)
+        shading = flat if self.normals is None else _normalised(self._interpolated(self.normals, hits, met))
         cosine = np.sum(shading * side * (view.axes @ _LIGHT).astype(np.float32), axis=1)
         # Lambert's law wrapped round: grazing surfaces keep some light, so that none is lost in black.
         brightness = ((1 + np.clip(cosine, -1, 1)) / 2) ** _WRAP
-        colours[met] = np.where(from_behind[:, None], BACK, FRONT) * brightness[:, None]
+        front = FRONT if self.colours is None else self._interpolated(self.colours, hits, met)
+        colours[met] = np.where(from_behind[:, None], BACK, front) * brightness[:, None]
         positions[met] = starts[met] + hits["tfar"][met, None] * looking
         facing[met] = flat * side
         return _Seen(colours.reshape(grid), positions.reshape(grid), facing.reshape(grid))
 
-    def _smooth(self, hits: dict[str, Any], met: NDArray[np.intp]) -> Floats:
-        """(N, 3) normals of the corners, interpolated at the hits."""
-        assert self.normals is not None
+    def _interpolated(self, values: Floats, hits: dict[str, Any], met: NDArray[np.intp]) -> Floats:
+        """(N, 3) what the vertices of the faces have, at the hits."""
         u, v = hits["u"][met, None], hits["v"][met, None]
-        a, b, c = (self.normals[self.triangles[hits["primID"][met], corner]] for corner in range(3))
-        return _normalised((1 - u - v) * a + u * b + v * c)
+        a, b, c = (values[self.triangles[hits["primID"][met], corner]] for corner in range(3))
+        return np.asarray((1 - u - v) * a + u * b + v * c, dtype=np.float32)
 
     def openness(self, positions: Floats, facing: Floats, reach: float) -> Floats:
         """(h, w) share of cosine-distributed rays that meet nothing within `reach` metres; 1 where nothing is seen.

@@ -76,7 +76,7 @@ impl<'a> Lanes<'a> {
         for lane in 0..LANES {
             self.begin(lane);
         }
-        while self.row != [None; LANES] {
+        while self.row.iter().any(Option::is_some) {
             self.steps.leave_cubes();
             for lane in 0..LANES {
                 if let Some(row) = self.row[lane]
@@ -107,6 +107,7 @@ impl<'a> Lanes<'a> {
             }
             let Some(start) = self.space.start(&rays.get(lane), self.bounds) else { continue };
             if self.enter(lane, row, start) {
+                self.steps.set_voxel(lane, start.voxel);
                 self.row[lane] = Some(row);
             }
         }
@@ -134,7 +135,8 @@ impl<'a> Lanes<'a> {
         let steps = &self.steps;
         let mut place = Place { voxel: each(|a| steps.index[a][lane]), distance: steps.distance[lane] };
         if steps.margin[lane] < 0.0 {
-            place = steps.leave_cube(lane);
+            place = self.steps.leave_cube(lane);
+            self.steps.set_voxel(lane, place.voxel);
         }
         self.enter(lane, row, place)
     }
@@ -157,9 +159,6 @@ impl<'a> Lanes<'a> {
             UNKNOWN => State::Unknown,
             clearance => {
                 self.steps.room[lane] = f64::from(clearance - 1);
-                for a in 0..3 {
-                    self.steps.voxel[a][lane] = f64::from(place.voxel[a]);
-                }
                 return true;
             }
         };
@@ -212,7 +211,14 @@ impl Steps {
         }
     }
 
-    /// The same for one, exactly.
+    #[inline(always)]
+    fn set_voxel(&mut self, lane: usize, voxel: VoxelIndex) {
+        for a in 0..3 {
+            self.voxel[a][lane] = f64::from(voxel[a]);
+        }
+    }
+
+    /// The same as [`Steps::leave_cubes`] for one lane, exactly.
     #[cold]
     fn leave_cube(&self, lane: usize) -> Place {
         let side = |sign: f64| -> VoxelIndex { each(|a| (self.middle[a][lane] + sign * self.room[lane]) as i32) };
