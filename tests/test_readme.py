@@ -13,7 +13,7 @@ README = (Path(__file__).parents[1] / "README.md").read_text()
 
 
 def test_the_python_of_the_readme(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (code,) = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
+    code, *more = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
     said = re.search(r"grid\.state\((.*?)\)\s+# array\((.*?)\)", code)
     assert said is not None
     before_removal, after = code.split("grid.remove")
@@ -25,6 +25,10 @@ def test_the_python_of_the_readme(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     exec("grid.remove" + after, names)
     assert names["grid"].num_blocks == 0
     assert {path.name for path in tmp_path.iterdir()} == {"wall.ply", "wall.pmap"}
+    assert len(more) == 2
+    exec(more[0], names)
+    assert names["hits"].state == [1] and len(names["frontiers"]) > 0
+    exec(more[1], names)
 
 
 @pytest.mark.parametrize("link", re.findall(r"\]\(((?!http)[^)#]+)\)", README))

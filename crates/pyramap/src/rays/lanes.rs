@@ -213,8 +213,8 @@ impl Steps {
 
     #[inline(always)]
     fn set_voxel(&mut self, lane: usize, voxel: VoxelIndex) {
-        for a in 0..3 {
-            self.voxel[a][lane] = f64::from(voxel[a]);
+        for (lanes, index) in self.voxel.iter_mut().zip(voxel) {
+            lanes[lane] = f64::from(index);
         }
     }
 
