@@ -9,7 +9,7 @@ use pyramap::backend::{Addition, Backend, Base, Committed, Seen, Source};
 use pyramap::block::{Block, BlockData};
 use pyramap::error::{DeviceFault, Error, Result};
 use pyramap::log_odds::Limits;
-use pyramap::{DepthImage, GridConfig, PinholeCamera, Pose};
+use pyramap::{DepthImage, GridConfig, PinholeCamera, Pose, Sensor};
 use std::mem::ManuallyDrop;
 use std::sync::Arc;
 
@@ -101,6 +101,17 @@ impl OnDevice {
     }
 }
 
+/// The camera of a frame, if it is of the kind that the shaders know.
+fn known(sensor: &Sensor) -> Result<&PinholeCamera> {
+    match sensor {
+        Sensor::Pinhole(camera) => Ok(camera),
+        _ => {
+            let reason = "the backend gpu does not have this kind of sensor yet: use the backend cpu".into();
+            Err(Error::Unsupported { operation: "integrate", reason })
+        }
+    }
+}
+
 impl Backend for GpuBackend {
     fn name(&self) -> &str {
         "gpu"
@@ -114,8 +125,9 @@ impl Backend for GpuBackend {
         true
     }
 
-    fn see(&mut self, config: &GridConfig, image: &DepthImage, camera: &PinholeCamera, pose: &Pose) -> Result<()> {
+    fn see(&mut self, config: &GridConfig, image: &DepthImage, sensor: &Sensor, pose: &Pose) -> Result<()> {
         self.0.check()?;
+        let camera = known(sensor)?;
         let OnDevice { gpu, frames, .. } = &mut *self.0;
         frames.see(gpu, config, image, camera, pose)
     }

@@ -3,6 +3,7 @@
 use crate::camera::PinholeCamera;
 use crate::depth::{Depth, DepthImage};
 use crate::error::{Error, Result};
+use crate::sensors::Sensor;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -53,15 +54,16 @@ impl Ranges {
     /// Computes the measurements of a depth image into this buffer.
     ///
     /// # Errors
-    /// [`Error::ImageSize`] if image and camera differ; [`Error::Parameter`] if no pixel says anything.
+    /// [`Error::ImageSize`] if image and sensor differ; [`Error::Parameter`] if no pixel says anything.
     pub fn compute(
         &mut self,
         image: &DepthImage,
-        camera: &PinholeCamera,
+        sensor: &Sensor,
         max_range: f64,
         beyond: BeyondMaxRange,
     ) -> Result<()> {
-        check(image, camera, max_range, beyond)?;
+        check(image, sensor, max_range, beyond)?;
+        let Sensor::Pinhole(camera) = sensor;
         self.fit(camera);
         let measured = |depth, per_depth| range(depth, per_depth, max_range as f32, beyond.value());
         let width = self.width;
@@ -117,7 +119,8 @@ fn range(depth: f32, range_per_depth: f32, max_range: f32, beyond: f32) -> f32 {
 ///
 /// # Errors
 /// [`Error::ImageSize`] if image and camera differ; [`Error::Parameter`] if no pixel says anything.
-pub fn check(image: &DepthImage, camera: &PinholeCamera, max_range: f64, beyond: BeyondMaxRange) -> Result<()> {
+pub fn check(image: &DepthImage, sensor: &Sensor, max_range: f64, beyond: BeyondMaxRange) -> Result<()> {
+    let Sensor::Pinhole(camera) = sensor;
     if (image.width, image.height) != (camera.width, camera.height) {
         return Err(Error::ImageSize {
             got_width: image.width,
@@ -127,8 +130,7 @@ pub fn check(image: &DepthImage, camera: &PinholeCamera, max_range: f64, beyond:
         });
     }
     let pixels = image.width * image.height;
-    let says_something =
-        |(pixel, per)| range(image.depth.metres(pixel), per, max_range as f32, beyond.value()) > 0.0;
+    let says_something = |(pixel, per)| range(image.depth.metres(pixel), per, max_range as f32, beyond.value()) > 0.0;
     if !range_per_depth(camera).enumerate().any(says_something) {
         return Err(Error::Parameter {
             name: "depth image",
@@ -146,7 +148,7 @@ mod tests {
     fn ranges(depth: &[f32], beyond: BeyondMaxRange) -> Result<Vec<f32>> {
         let camera = PinholeCamera::new(depth.len(), 1, 1.0, 1.0, 0.0, 0.0)?;
         let mut ranges = Ranges::default();
-        ranges.compute(&DepthImage::new(Depth::F32(depth), depth.len(), 1)?, &camera, 5.0, beyond)?;
+        ranges.compute(&DepthImage::new(Depth::F32(depth), depth.len(), 1)?, &Sensor::from(&camera), 5.0, beyond)?;
         Ok(ranges.values)
     }
 
@@ -166,7 +168,7 @@ mod tests {
 
     #[test]
     fn every_number_type_gives_the_same() {
-        let camera = PinholeCamera::new(3, 2, 2.0, 3.0, 1.0, 0.5).unwrap();
+        let camera = Sensor::from(&PinholeCamera::new(3, 2, 2.0, 3.0, 1.0, 0.5).unwrap());
         let raw = [1000, 2000, 0, 500, 4000, 1];
         let metres = raw.map(|v: u16| f32::from(v) / 1000.0);
         let double = raw.map(|v: u16| f64::from(v) / 1000.0);
