@@ -9,7 +9,7 @@ use pyramap::backend::{Addition, Backend, Base, Committed, Seen, Source};
 use pyramap::block::{Block, BlockData};
 use pyramap::error::{DeviceFault, Error, Result};
 use pyramap::log_odds::Limits;
-use pyramap::{DepthImage, GridConfig, PinholeCamera, Pose, Sensor};
+use pyramap::{DepthImage, GridConfig, PinholeCamera, Pose, Reading, Sensor};
 use std::mem::ManuallyDrop;
 use std::sync::Arc;
 
@@ -101,12 +101,12 @@ impl OnDevice {
     }
 }
 
-/// The camera of a frame, if it is of the kind that the shaders know.
-fn known(sensor: &Sensor) -> Result<&PinholeCamera> {
+/// The camera of a frame, if shaders know what the frame is.
+fn known<'a>(image: &DepthImage, sensor: &'a Sensor) -> Result<&'a PinholeCamera> {
     match sensor {
-        Sensor::Pinhole(camera) => Ok(camera),
+        Sensor::Pinhole(camera) if image.reading() == Reading::Depth => Ok(camera),
         _ => {
-            let reason = "the backend gpu does not have this kind of sensor yet: use the backend cpu".into();
+            let reason = "the backend gpu takes depth images of pinhole cameras only: use the backend cpu".into();
             Err(Error::Unsupported { operation: "integrate", reason })
         }
     }
@@ -127,7 +127,7 @@ impl Backend for GpuBackend {
 
     fn see(&mut self, config: &GridConfig, image: &DepthImage, sensor: &Sensor, pose: &Pose) -> Result<()> {
         self.0.check()?;
-        let camera = known(sensor)?;
+        let camera = known(image, sensor)?;
         let OnDevice { gpu, frames, .. } = &mut *self.0;
         frames.see(gpu, config, image, camera, pose)
     }

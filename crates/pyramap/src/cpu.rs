@@ -12,7 +12,7 @@ use crate::pose::Pose;
 use crate::pyramid::Pyramid;
 use crate::ranges::Ranges;
 use crate::sensor::SensorTable;
-use crate::sensors::{Pinhole, Projection, Sensor};
+use crate::sensors::{Pinhole, Projection, Sensor, Spherical};
 use crate::stats::{StageSeconds, Stopwatch};
 use crate::surfaces::SurfaceLayer;
 use crate::update::area::Area;
@@ -84,7 +84,7 @@ impl CpuBackend {
 
     /// The layers (Eq. 10), as the sensor model sees them.
     fn pyramid<P: Projection>(&mut self, config: &GridConfig, view: &View<P>) {
-        let count = crate::pyramid::num_layers(self.ranges.width, self.ranges.height);
+        let count = view.projection.num_layers();
         let wanted = config.update.layers(view, count);
         self.pyramid.compute(&self.ranges, view.t_0, config.update.selection::<P>(), wanted.clone());
         self.surfaces.resize_with(count, SurfaceLayer::default);
@@ -148,6 +148,9 @@ impl Backend for CpuBackend {
         match sensor {
             Sensor::Pinhole(camera) => {
                 self.stages(config, &View::new(Pinhole::new(camera), pose, r, max_range), &mut watch);
+            }
+            Sensor::Spherical(sensor) => {
+                self.stages(config, &View::new(Spherical::new(sensor), pose, r, max_range), &mut watch);
             }
         }
         Ok(())

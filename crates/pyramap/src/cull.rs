@@ -187,7 +187,13 @@ impl<R: Reads, P: Projection> Scope<'_, R, P> {
                 let last = (size - 1) as f32;
                 (texel(low * scale - 0.5, last), texel(high * scale - 0.5 + R::REACH, last))
             };
-            let bounds = layer.bounds(texels(left, right, layer.width), texels(top, bottom, layer.height));
+            let rows = texels(top, bottom, layer.height);
+            let bounds = if self.view.projection.wraps() {
+                let column = |u: f32| (u * scale - 0.5).floor() as i32;
+                layer.wrapped_bounds(column(left), column(right + R::REACH / scale), rows)
+            } else {
+                layer.bounds(texels(left, right, layer.width), rows)
+            };
             let has_holes = bounds.has_holes();
             gapless &= if read.fallback && read.first < read.last {
                 i == read.first || !(has_holes && previous_has_holes)

@@ -53,7 +53,7 @@ mod window;
 
 pub use camera::PinholeCamera;
 pub use config::GridConfig;
-pub use depth::{Depth, DepthImage};
+pub use depth::{Depth, DepthImage, Reading};
 pub use error::{Error, Result};
 pub use grid::OccupancyGrid;
 pub use grid::change::decay_factor;
@@ -63,7 +63,7 @@ pub use query::Interpolation;
 pub use ranges::BeyondMaxRange;
 pub use region::Region;
 pub use rays::RayHits;
-pub use sensors::Sensor;
+pub use sensors::{Sensor, SphericalSensor};
 pub use sensor::{SensorModel, SurfaceOffset};
 pub use state::{State, Unknown};
 pub use stats::FrameStats;

@@ -5,6 +5,7 @@
 
 use crate::cull::Eighths;
 use crate::pose::Pose;
+use crate::pyramid;
 use nalgebra::Vector3;
 
 /// A projected point.
@@ -74,6 +75,14 @@ pub trait Projection: Clone + Sync {
     fn outline(&self, cubes: &Eighths<Self>, centre: [f32; 3], far: f32) -> Outline;
     /// Lowest and highest corner of a box, in the world, that holds all that is seen up to `max_range`.
     fn reach(&self, pose: &Pose, max_range: f64) -> [Vector3<f64>; 2];
+
+    /// How many layers an image has. Where it wraps, all windows are whole ones: the one beside the seam would show less
+    /// than its neighbours otherwise.
+    fn num_layers(&self) -> usize {
+        let [width, height] = self.image().map(|side| side as usize);
+        let all = pyramid::num_layers(width, height);
+        if self.wraps() { all.min(width.trailing_zeros() as usize + 1) } else { all }
+    }
 
     /// The distance that says how large a voxel looks: its range, or, without perspective, always one metre.
     #[inline(always)]
