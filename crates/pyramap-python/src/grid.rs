@@ -264,7 +264,9 @@ impl OccupancyGrid {
         world_from_camera: &Bound<'_, PyAny>,
         depth_scale: Option<f64>,
     ) -> PyResult<FrameStats> {
-        let submitted = self.frame(depth, camera, world_from_camera, depth_scale, pyramap::OccupancyGrid::submit)?;
+        let submitted = self.frame(depth, camera, world_from_camera, depth_scale, |grid, image, camera, pose| {
+            grid.submit(image, camera, pose)
+        })?;
         Ok(FrameStats::of_submitted(submitted, &self.0))
     }
 
@@ -291,7 +293,9 @@ impl OccupancyGrid {
         world_from_camera: &Bound<'_, PyAny>,
         depth_scale: Option<f64>,
     ) -> PyResult<FrameStats> {
-        let stats = self.frame(depth, camera, world_from_camera, depth_scale, pyramap::OccupancyGrid::remove)?;
+        let stats = self.frame(depth, camera, world_from_camera, depth_scale, |grid, image, camera, pose| {
+            grid.remove(image, camera, pose)
+        })?;
         Ok(FrameStats::known(stats))
     }
 

@@ -91,7 +91,7 @@ fn compute_ranges(
     let image = depth.image()?;
     run(py, || {
         let mut ranges = Ranges::default();
-        ranges.compute(&image, &camera.0, f64::INFINITY, BeyondMaxRange::Free)?;
+        ranges.compute(&image, &(&camera.0).into(), f64::INFINITY, BeyondMaxRange::Free)?;
         Ok(ranges)
     })
 }

@@ -19,6 +19,7 @@ use pyramap::config::GridConfig;
 use pyramap::error::Result;
 use pyramap::ranges::range_per_depth;
 use pyramap::stats::{StageSeconds, Stopwatch};
+use pyramap::sensors::Pinhole;
 use pyramap::update::Change;
 use pyramap::view::View;
 use pyramap::{Depth, DepthImage, PinholeCamera, Pose};
@@ -92,7 +93,7 @@ impl Frames {
     ) -> Result<()> {
         debug_assert!(self.begun.len() < self.shots.len(), "two frames are under way");
         let mut watch = Stopwatch::start();
-        let view = View::new(camera, pose, config.voxel_size, config.max_range);
+        let view = View::new(Pinhole::new(camera), pose, config.voxel_size, config.max_range);
         let layers = params::layers(config, &view, camera.width, camera.height);
         let lens = self.lens(gpu, camera)?;
         let this = (self.last + 1) % self.shots.len();

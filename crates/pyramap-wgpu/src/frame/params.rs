@@ -10,6 +10,7 @@ use pyramap::update::area::Area;
 use pyramap::update::min_layer::MinLayer;
 use pyramap::update::pyramid::Pyramid;
 use pyramap::update::{UpdateRule, free_increment};
+use pyramap::sensors::Pinhole;
 use pyramap::view::{Points, View};
 use pyramap::{BeyondMaxRange, Depth};
 use pyramap_shaders::layout::{Cube, Frame, HALVED, Halved};
@@ -115,13 +116,13 @@ impl Model {
 }
 
 /// The layers that a rule reads of a view.
-pub fn layers(config: &GridConfig, view: &View, width: usize, height: usize) -> Layers {
+pub fn layers(config: &GridConfig, view: &View<Pinhole>, width: usize, height: usize) -> Layers {
     Layers::new(width, height, config.update.layers(view, num_layers(width, height)))
 }
 
 /// Describes a frame to the shaders, but for the room in its buffers. Returns the first block of the box around the
 /// frustum as well, from which blocks are counted.
-pub fn frame(config: &GridConfig, model: &Model, view: &View, layers: &Layers, depth: &Depth) -> (Frame, BlockKey) {
+pub fn frame(config: &GridConfig, model: &Model, view: &View<Pinhole>, layers: &Layers, depth: &Depth) -> (Frame, BlockKey) {
     let (low, high) = frustum_blocks(view);
     let blocks: [u32; 3] = std::array::from_fn(|axis| (high[axis] - low[axis] + 1) as u32);
     let mut frame = Frame {
@@ -130,10 +131,10 @@ pub fn frame(config: &GridConfig, model: &Model, view: &View, layers: &Layers, d
         blocks: [blocks[0], blocks[1], blocks[2], 0],
         parts: layers.parts,
         axes: [0, 1, 2].map(|k| four(view.to_camera(&Vector3::ith(k, 1.0)))),
-        sides: view.sides.map(four),
-        focal: view.focal,
-        principal: view.principal,
-        image: view.image,
+        sides: view.projection.sides.map(four),
+        focal: view.projection.focal,
+        principal: view.projection.principal,
+        image: view.projection.image,
         max_range: view.max_range,
         t_0: view.t_0 as f32,
         beyond: match config.beyond_max_range {
@@ -148,7 +149,7 @@ pub fn frame(config: &GridConfig, model: &Model, view: &View, layers: &Layers, d
         cull: u32::from(config.cull),
         ..Frame::default()
     };
-    if config.update.selection() == Selection::Nearest {
+    if config.update.selection::<Pinhole>() == Selection::Nearest {
         for i in 0..layers.made.1 {
             frame.t[(i + 1) / 4][(i + 1) % 4] = (view.t_0 / f64::from(1u32 << i)) as f32;
         }
@@ -166,7 +167,7 @@ pub fn frame(config: &GridConfig, model: &Model, view: &View, layers: &Layers, d
 
 /// Where the box's first block lies, and the way from block to block. Each is split in two: upper parts that are
 /// multiples of one power of two, so large that all sums of multiples of them fit in an `f32`, and what remains.
-fn place_blocks(frame: &mut Frame, view: &View, low: BlockKey, blocks: [u32; 3]) {
+fn place_blocks(frame: &mut Frame, view: &View<Pinhole>, low: BlockKey, blocks: [u32; 3]) {
     let to_camera = |v: Vector3<f64>| view.pose.rotation.transpose() * v;
     let origin = to_camera(view.offset_of(low, 1));
     let steps = [0, 1, 2].map(|k| to_camera(Vector3::ith(k, BLOCK_EDGE as f64 * view.voxel_size)));
@@ -184,13 +185,13 @@ fn place_blocks(frame: &mut Frame, view: &View, low: BlockKey, blocks: [u32; 3])
 }
 
 /// The cubes that are classified, and the voxels in them.
-fn place_cubes<R: Reads>(frame: &mut Frame, view: &View) {
+fn place_cubes<R: Reads>(frame: &mut Frame, view: &View<Pinhole>) {
     let eighths = |edge| Eighths::new::<R>(view, edge);
-    let cube = |eighths: &Eighths| Cube {
-        across_sides: eighths.across_sides,
+    let cube = |eighths: &Eighths<Pinhole>| Cube {
+        across_sides: eighths.size.across_sides,
         voxels: eighths.voxels,
         projected: eighths.projected,
-        depth: eighths.depth,
+        depth: eighths.size.depth,
         ..Cube::default()
     };
     let pairs = eighths(BLOCK_EDGE / 2);

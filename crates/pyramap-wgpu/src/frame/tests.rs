@@ -101,7 +101,7 @@ struct OnCpu {
 }
 
 fn on_cpu(config: &GridConfig, image: &DepthImage, camera: &PinholeCamera, pose: &Pose) -> OnCpu {
-    let view = View::new(camera, pose, config.voxel_size, config.max_range);
+    let view = View::new(Pinhole::new(camera), pose, config.voxel_size, config.max_range);
     let (t_0, count) = (view.t_0 as f32, num_layers(camera.width, camera.height));
     match config.update {
         UpdateRule::MinLayer => by_rule(config, image, camera, &view, &MinLayer { t_0, count }),
@@ -110,13 +110,13 @@ fn on_cpu(config: &GridConfig, image: &DepthImage, camera: &PinholeCamera, pose:
     }
 }
 
-fn by_rule<R: Rule>(config: &GridConfig, image: &DepthImage, camera: &PinholeCamera, view: &View, rule: &R) -> OnCpu {
+fn by_rule<R: Rule<Pinhole>>(config: &GridConfig, image: &DepthImage, camera: &PinholeCamera, view: &View<Pinhole>, rule: &R) -> OnCpu {
     let table = SensorTable::new(&config.sensor_model);
     let (mut ranges, mut layers) = (Ranges::default(), Layers::default());
-    ranges.compute(image, camera, config.max_range, config.beyond_max_range).unwrap();
+    ranges.compute(image, &camera.into(), config.max_range, config.beyond_max_range).unwrap();
     let count = num_layers(camera.width, camera.height);
     let wanted = config.update.layers(view, count);
-    layers.compute(&ranges, view.t_0, config.update.selection(), wanted.clone());
+    layers.compute(&ranges, view.t_0, config.update.selection::<Pinhole>(), wanted.clone());
     let mut surfaces = vec![SurfaceLayer::default(); count];
     for i in wanted {
         surfaces[i].compute(&layers.layers[i], &config.sensor_model, &table, config.update.finest_bounds());

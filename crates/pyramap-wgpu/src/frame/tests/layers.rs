@@ -36,7 +36,7 @@ fn check_layers(gpu: &Gpu, config: &GridConfig, image: &DepthImage, camera: &Pin
     let mut frames = Frames::new(gpu, config).unwrap();
     on_gpu(gpu, &mut frames, config, image, camera, &pose(0));
 
-    let view = View::new(camera, &pose(0), config.voxel_size, config.max_range);
+    let view = View::new(Pinhole::new(camera), &pose(0), config.voxel_size, config.max_range);
     let layout = params::layers(config, &view, camera.width, camera.height);
     let buffers = &frames.shots[frames.asked].buffers;
     let placed: Vec<[f32; 2]> = match frames.sigma {
