@@ -9,7 +9,7 @@ use pyramap::backend::{Addition, Backend, Base, Committed, Seen, Source};
 use pyramap::block::{Block, BlockData};
 use pyramap::error::{DeviceFault, Error, Result};
 use pyramap::log_odds::Limits;
-use pyramap::{DepthImage, GridConfig, PinholeCamera, Pose, Reading, Sensor};
+use pyramap::{DepthImage, GridConfig, Pose, Sensor};
 use std::mem::ManuallyDrop;
 use std::sync::Arc;
 
@@ -114,17 +114,6 @@ impl OnDevice {
     }
 }
 
-/// The camera of a frame, if shaders know what the frame is.
-fn known<'a>(image: &DepthImage, sensor: &'a Sensor) -> Result<&'a PinholeCamera> {
-    match sensor {
-        Sensor::Pinhole(camera) if image.reading() == Reading::Depth => Ok(camera),
-        _ => {
-            let reason = "the backend gpu takes depth images of pinhole cameras only: use the backend cpu".into();
-            Err(Error::Unsupported { operation: "integrate", reason })
-        }
-    }
-}
-
 impl Backend for GpuBackend {
     fn name(&self) -> &str {
         "gpu"
@@ -140,9 +129,8 @@ impl Backend for GpuBackend {
 
     fn see(&mut self, config: &GridConfig, image: &DepthImage, sensor: &Sensor, pose: &Pose) -> Result<()> {
         self.0.check()?;
-        let camera = known(image, sensor)?;
         let OnDevice { gpu, frames, .. } = &mut *self.0;
-        frames.see(gpu, config, image, camera, pose)
+        frames.see(gpu, config, image, sensor, pose)
     }
 
     fn seen(&mut self, _: &GridConfig, seen: &mut Seen) -> Result<()> {

@@ -1,6 +1,5 @@
 //! Stage 1, ranges (Eq. 6): distances along the pixels' rays, out of depths unless they were measured.
 
-use crate::camera::PinholeCamera;
 use crate::depth::{Depth, DepthImage, Reading};
 use crate::error::{Error, Result};
 use crate::sensors::Sensor;
@@ -112,18 +111,12 @@ impl Ranges {
 }
 
 /// How far the surface lies along the ray for each metre that a pixel reads, row by row.
-fn range_per_reading(sensor: &Sensor, reading: Reading) -> impl Iterator<Item = f32> {
+pub fn range_per_reading(sensor: &Sensor, reading: Reading) -> impl Iterator<Item = f32> {
     let pixel = move |u, v| match reading {
         Reading::Depth => sensor.range_per_depth(u, v),
         Reading::Range => 1.0,
     };
     (0..sensor.height()).flat_map(move |v| (0..sensor.width()).map(move |u| pixel(u, v)))
-}
-
-/// `|K^-1 [u v 1]|` for each pixel of a camera, row by row.
-pub fn range_per_depth(camera: &PinholeCamera) -> impl Iterator<Item = f32> {
-    let row = move |v| (0..camera.width).map(move |u| camera.range_per_depth(u as f64, v as f64) as f32);
-    (0..camera.height).flat_map(row)
 }
 
 /// What a pixel measures (Eq. 6), with `beyond` for what lies beyond the range of the map.
@@ -163,6 +156,7 @@ pub fn check(image: &DepthImage, sensor: &Sensor, max_range: f64, beyond: Beyond
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::camera::PinholeCamera;
 
     fn ranges(depth: &[f32], beyond: BeyondMaxRange) -> Result<Vec<f32>> {
         let camera = PinholeCamera::new(depth.len(), 1, 1.0, 1.0, 0.0, 0.0)?;

@@ -9,13 +9,12 @@ mod spherical;
 
 pub use pinhole::Pinhole;
 pub use projection::{Outline, PixelRay, Projected, Projection};
-pub use spherical::{Spherical, SphericalSensor};
+pub use spherical::{ATAN_COEFFICIENTS, BOUND_SLACK, Rows, Spherical, SphericalSensor};
 
 use crate::camera::PinholeCamera;
 
 /// A range sensor.
 #[derive(Clone, Debug, PartialEq)]
-#[non_exhaustive]
 pub enum Sensor {
     /// A depth camera.
     Pinhole(PinholeCamera),
@@ -61,6 +60,15 @@ impl Sensor {
         match self {
             Sensor::Pinhole(camera) => camera.range_per_depth(column as f64, row as f64) as f32,
             Sensor::Spherical(_) => 1.0,
+        }
+    }
+
+    /// By how many columns a row of an image as the sensor gives it is moved to the right, around the seam, to be aligned
+    /// with the others.
+    pub fn row_shift(&self, row: usize) -> isize {
+        match self {
+            Sensor::Spherical(sensor) => sensor.shift(row).0,
+            _ => 0,
         }
     }
 }

@@ -6,13 +6,14 @@ mod angle;
 mod projection;
 mod rows;
 
-pub use projection::Spherical;
+pub use angle::COEFFICIENTS as ATAN_COEFFICIENTS;
+pub use projection::{BOUND_SLACK, Spherical};
+pub use rows::Rows;
 
 use crate::camera::PinholeCamera;
 use crate::error::{Error, Result};
 use crate::sensors::PixelRay;
 use nalgebra::Vector3;
-use rows::Rows;
 use std::f64::consts::{FRAC_PI_2, TAU};
 use std::sync::Arc;
 

@@ -5,7 +5,7 @@ use std::f32::consts::{FRAC_PI_2, PI};
 
 /// `atan(t) / t` for `t` from 0 to 1 as a polynomial in `t^2`, lowest power first: the greatest error of `t` times it is
 /// as small as eight coefficients can make it, 4e-8.
-const COEFFICIENTS: [f32; 8] = [
+pub const COEFFICIENTS: [f32; 8] = [
     0.999_999_34,
     -0.333_298_6,
     0.199_465_65,

@@ -16,22 +16,27 @@ use std::f64::consts::TAU;
 #[derive(Clone, Debug)]
 pub struct Spherical<'a> {
     sensor: &'a SphericalSensor,
-    rows: &'a Rows,
-    image: [f32; 2],
-    columns_per_radian: f32,
+    /// Which row an elevation belongs to.
+    pub rows: &'a Rows,
+    /// Columns and rows of the image.
+    pub image: [f32; 2],
+    /// Negative if columns go clockwise.
+    pub columns_per_radian: f32,
+    /// The power of two of columns in which they are counted.
+    pub step: f32,
     /// Adding and taking off this rounds a number of columns to whole steps.
     round: f32,
     /// The column in the middle of the image, counted from azimuth 0.
-    middle: f32,
+    pub middle: f32,
     /// Columns in a full turn.
-    turn: f32,
+    pub turn: f32,
     full_turn: bool,
     /// How far beside its column a pixel's ray may be, in columns, once rows are aligned.
-    unaligned: f32,
+    pub unaligned: f32,
 }
 
 /// More than all roundings on the way to a bound, relative.
-const BOUND_SLACK: f32 = 1.0 + 1e-5;
+pub const BOUND_SLACK: f32 = 1.0 + 1e-5;
 
 impl<'a> Spherical<'a> {
     /// Makes ready what is the same for all points.
@@ -48,6 +53,7 @@ impl<'a> Spherical<'a> {
             rows: sensor.rows(),
             image: [width as f32, sensor.height() as f32],
             columns_per_radian: columns_per_radian as f32,
+            step: step as f32,
             round: (1.5 * 8_388_608.0 * step) as f32,
             middle: whole(middle - turn * (middle / turn).round()) as f32,
             turn: whole(turn) as f32,

@@ -6,10 +6,11 @@
 #[derive(Clone, Debug)]
 pub struct Rows {
     /// The row, counted from the image's border, at the start of each interval, and its rise over the interval.
-    entries: Vec<[f32; 2]>,
+    pub entries: Vec<[f32; 2]>,
     /// The elevation at which the table starts.
-    start: f32,
-    intervals_per_radian: f32,
+    pub start: f32,
+    /// Negative if elevations fall.
+    pub intervals_per_radian: f32,
     mean_spacing: f64,
     widest_spacing: f64,
 }
