@@ -102,12 +102,14 @@ impl OnDevice {
 }
 
 /// The camera of a frame, if shaders know what the frame is.
-fn known<'a>(image: &DepthImage, sensor: &'a Sensor) -> Result<&'a PinholeCamera> {
+fn known<'a>(config: &GridConfig, image: &DepthImage, sensor: &'a Sensor) -> Result<&'a PinholeCamera> {
+    let own_model = image.sensor_model().is_some_and(|model| model != config.sensor_model);
     match sensor {
-        Sensor::Pinhole(camera) if image.reading() == Reading::Depth => Ok(camera),
+        Sensor::Pinhole(camera) if image.reading() == Reading::Depth && !own_model => Ok(camera),
         _ => {
-            let reason = "the backend gpu takes depth images of pinhole cameras only: use the backend cpu".into();
-            Err(Error::Unsupported { operation: "integrate", reason })
+            let reason = "the backend gpu takes depth images of pinhole cameras only, fused with the map's sensor model: use \
+                          the backend cpu";
+            Err(Error::Unsupported { operation: "integrate", reason: reason.into() })
         }
     }
 }
@@ -127,7 +129,7 @@ impl Backend for GpuBackend {
 
     fn see(&mut self, config: &GridConfig, image: &DepthImage, sensor: &Sensor, pose: &Pose) -> Result<()> {
         self.0.check()?;
-        let camera = known(image, sensor)?;
+        let camera = known(config, image, sensor)?;
         let OnDevice { gpu, frames, .. } = &mut *self.0;
         frames.see(gpu, config, image, camera, pose)
     }
