@@ -115,10 +115,11 @@ impl Frames {
         debug_assert!(self.begun.len() < self.shots.len(), "two frames are under way");
         let this = (self.last + 1) % self.shots.len();
         let layers = params::layers(config, view);
-        let sigma = if config.sensor_model.is_constant() { Sigma::Constant } else { Sigma::Growing };
+        let model = image.sensor_model().unwrap_or(config.sensor_model);
+        let sigma = if model.is_constant() { Sigma::Constant } else { Sigma::Growing };
         self.make_layers(gpu, this, &layers, sigma)?;
         let lens = self.lenses.get((sensor.clone(), image.reading()), |_| lens(gpu, sensor, image.reading(), view))?;
-        let (model, table) = self.models.get(config.sensor_model, |model| {
+        let (model, table) = self.models.get(model, |model| {
             let model = Model::new(model);
             let table = sensors::table(gpu, "sensor table", model.table.entries())?;
             Ok((model, table))

@@ -11,7 +11,7 @@ use crate::pool::Pool;
 use crate::pose::Pose;
 use crate::pyramid::Pyramid;
 use crate::ranges::Ranges;
-use crate::sensor::SensorTable;
+use crate::sensor::{SensorModel, SensorTable};
 use crate::sensors::{Pinhole, Projection, Sensor, Spherical};
 use crate::stats::{StageSeconds, Stopwatch};
 use crate::surfaces::SurfaceLayer;
@@ -24,9 +24,13 @@ use crate::update::{UpdateRule, update};
 use crate::view::View;
 use std::mem::swap;
 
+/// So many sensor models are kept.
+const MODELS: usize = 8;
+
 /// Buffers of the stages, kept from frame to frame, and the pool.
 pub struct CpuBackend {
-    table: SensorTable,
+    /// The sensor models of the last frames, the one in use first.
+    models: Vec<(SensorModel, SensorTable)>,
     ranges: Ranges,
     pyramid: Pyramid,
     surfaces: Vec<SurfaceLayer>,
@@ -41,7 +45,7 @@ impl CpuBackend {
     /// A backend with an empty pool.
     pub fn new(config: &GridConfig) -> Self {
         Self {
-            table: SensorTable::new(&config.sensor_model),
+            models: vec![(config.sensor_model, SensorTable::new(&config.sensor_model))],
             ranges: Ranges::default(),
             pyramid: Pyramid::default(),
             surfaces: Vec::new(),
@@ -82,6 +86,16 @@ impl CpuBackend {
         self.seen.seconds.update = watch.lap();
     }
 
+    /// Puts a sensor model first, and tabulates it unless one of the last frames had it.
+    fn use_model(&mut self, model: SensorModel) {
+        if let Some(known) = self.models.iter().position(|(known, _)| *known == model) {
+            self.models[..=known].rotate_right(1);
+        } else {
+            self.models.truncate(MODELS - 1);
+            self.models.insert(0, (model, SensorTable::new(&model)));
+        }
+    }
+
     /// The layers (Eq. 10), as the sensor model sees them.
     fn pyramid<P: Projection>(&mut self, config: &GridConfig, view: &View<P>) {
         let count = view.projection.num_layers();
@@ -89,8 +103,9 @@ impl CpuBackend {
         self.pyramid.compute(&self.ranges, view.t_0, config.update.selection::<P>(), wanted.clone());
         self.surfaces.resize_with(count, SurfaceLayer::default);
         for i in wanted {
-            let (layer, finest) = (&self.pyramid.layers[i], config.update.finest_bounds());
-            self.surfaces[i].compute(layer, &config.sensor_model, &self.table, finest);
+            let ((model, table), layer) = (&self.models[0], &self.pyramid.layers[i]);
+            let finest = config.update.finest_bounds();
+            self.surfaces[i].compute(layer, model, table, finest);
         }
     }
 
@@ -107,7 +122,7 @@ impl CpuBackend {
         let (layers, Seen { culled, changes, .. }) = (&self.surfaces[..], &mut self.seen);
         with_rule!(config.update, view, layers.len(), |rule| {
             let scope = Scope { view, layers, rule, enabled: config.cull };
-            update(&scope, &self.table, &culled.mixed, &mut self.increments, changes)
+            update(&scope, &self.models[0].1, &culled.mixed, &mut self.increments, changes)
         });
     }
 
@@ -144,6 +159,7 @@ impl Backend for CpuBackend {
             self.seen.seconds.update = watch.lap();
             return Ok(());
         }
+        self.use_model(image.sensor_model.unwrap_or(config.sensor_model));
         let (r, max_range) = (config.voxel_size, config.max_range);
         match sensor {
             Sensor::Pinhole(camera) => {

@@ -1,6 +1,7 @@
 //! Images as they come: depth or range per pixel, in the number type of the sensor.
 
 use crate::error::{Error, Result};
+use crate::sensor::SensorModel;
 
 /// The pixels of a depth image, row by row.
 ///
@@ -47,6 +48,7 @@ pub struct DepthImage<'a> {
     pub(crate) width: usize,
     pub(crate) height: usize,
     pub(crate) reading: Reading,
+    pub(crate) sensor_model: Option<SensorModel>,
 }
 
 impl<'a> DepthImage<'a> {
@@ -88,7 +90,19 @@ impl<'a> DepthImage<'a> {
                 expected: format!("height x width = {height} x {width} pixels, at least one"),
             });
         }
-        Ok(Self { depth, width, height, reading })
+        Ok(Self { depth, width, height, reading, sensor_model: None })
+    }
+
+    /// The same image, fused with a model of its own instead of the map's: a map may be made with several sensors. The rule
+    /// [`Rays`](crate::update::UpdateRule::Rays) asks no model.
+    #[must_use]
+    pub fn with_sensor_model(self, model: SensorModel) -> Self {
+        Self { sensor_model: Some(model), ..self }
+    }
+
+    /// The model that the image is fused with, if not the map's.
+    pub fn sensor_model(&self) -> Option<SensorModel> {
+        self.sensor_model
     }
 
     /// The pixels.

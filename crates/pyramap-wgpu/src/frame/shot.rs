@@ -64,10 +64,10 @@ pub struct Shot {
     pub low: BlockKey,
     /// Host seconds that it took to send the frame.
     pub upload: f64,
+    /// The stages of the last frames' sensors, those of the frame first.
+    pub stages: Vec<Stages>,
     room: Room,
     staging: Buffer,
-    /// The stages of the last frames' sensors, those of the frame first.
-    stages: Vec<Stages>,
     variant: Option<Variant>,
     submission: Option<SubmissionIndex>,
 }

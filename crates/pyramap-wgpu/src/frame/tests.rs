@@ -126,7 +126,8 @@ fn by_rule<P: Projection, R: Rule<P>>(
     view: &View<P>,
     rule: &R,
 ) -> OnCpu {
-    let table = SensorTable::new(&config.sensor_model);
+    let model = image.sensor_model().unwrap_or(config.sensor_model);
+    let table = SensorTable::new(&model);
     let (mut ranges, mut layers) = (Ranges::default(), Layers::default());
     ranges.compute(image, sensor, config.max_range, config.beyond_max_range).unwrap();
     let count = view.projection.num_layers();
@@ -134,7 +135,7 @@ fn by_rule<P: Projection, R: Rule<P>>(
     layers.compute(&ranges, view.t_0, config.update.selection::<P>(), wanted.clone());
     let mut surfaces = vec![SurfaceLayer::default(); count];
     for i in wanted {
-        surfaces[i].compute(&layers.layers[i], &config.sensor_model, &table, config.update.finest_bounds());
+        surfaces[i].compute(&layers.layers[i], &model, &table, config.update.finest_bounds());
     }
     let scope = Scope { view, layers: &surfaces, rule, enabled: config.cull };
     let (mut culled, mut increments, mut changes) = (Culled::default(), Vec::new(), Vec::new());

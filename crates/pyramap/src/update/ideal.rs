@@ -69,7 +69,9 @@ fn ideal_log_odds<P: Projection>(frame: &Frame<P>, voxel: &Eighths<P>, centre: [
 /// Length of a pixel's ray inside the cube of half an edge `half` around `centre`, metres.
 fn chord<P: Projection>(view: &View<P>, centre: &Vector3<f64>, half: f64, column: usize, row: usize) -> f64 {
     let PixelRay { start, direction } = view.projection.ray(column, row);
-    let (start, direction) = (view.pose.rotation * start, (view.pose.rotation * direction).normalize());
+    // With perspective all rays start where the sensor is.
+    let start = if P::PERSPECTIVE { Vector3::zeros() } else { view.pose.rotation * start };
+    let direction = (view.pose.rotation * direction).normalize();
     let (mut enter, mut leave) = (0.0f64, f64::INFINITY);
     for axis in 0..3 {
         // A ray along a face divides by zero: the infinities leave the interval as it is, or empty it.

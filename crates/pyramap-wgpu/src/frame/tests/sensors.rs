@@ -90,24 +90,51 @@ fn free_and_hidden_blocks_are_told_apart() {
     }
 }
 
-/// Frames of several sensors in turns, two under way, in buffers that are too small at first. Each sensor's kernels are
-/// bound anew only while buffers grow.
+/// Frames of several sensors in turns, some with a sensor model of their own, two under way, in buffers that are too small
+/// at first.
 #[test]
 fn sensors_take_turns() {
     let Some(gpu) = gpu() else { return };
     let config = config(0.1, UpdateRule::Pyramid);
     let mut frames = Frames::with_room(&gpu, &config, Room { free: 1, mixed: 2, page_blocks: 30 }).unwrap();
     let sensors: [Sensor; 3] = [(&camera(60, 40)).into(), (&spinning(128, 16)).into(), (&spinning(90, 20)).into()];
+    let growing = SensorModel::new([0.02, 0.002, 0.01], None, SurfaceOffset::Centred).unwrap();
+    let models = [SensorModel::constant(0.08).unwrap(), growing];
     let mut expected = VecDeque::new();
-    for n in 0..9 {
+    for n in 0..16 {
         let sensor = &sensors[n % 3];
         let values = depths(sensor.width(), sensor.height(), n as u64);
         let image = ranges(Depth::F32(&values), sensor);
+        let image = models.get(n % 4).map_or(image, |&model| image.with_sensor_model(model));
         expected.push_back(on_cpu(&config, &image, sensor, &pose(n as u32)).effects);
         frames.see(&gpu, &config, &image, sensor, &pose(n as u32)).unwrap();
         if expected.len() == 2 {
-            let device = seen(&gpu, &mut frames).effects;
-            check(&gpu, &format!("frame {n}"), &expected.pop_front().unwrap(), &device);
+            let (cpu, device) = (expected.pop_front().unwrap(), seen(&gpu, &mut frames).effects);
+            if (n - 1) % 4 == 1 {
+                // Its sigma is a few roundings off: a step at most.
+                let found = difference(&cpu, &device);
+                assert!(found.voxels * 1000 <= found.of && found.blocks == 0, "frame {}: {found:?}", n - 1);
+            } else {
+                check(&gpu, &format!("frame {}", n - 1), &cpu, &device);
+            }
         }
     }
+}
+
+/// Kernels that are bound stay so while sensors take turns.
+#[test]
+fn nothing_is_bound_anew_for_a_sensor_seen_before() {
+    let Some(gpu) = gpu() else { return };
+    let config = config(0.1, UpdateRule::Pyramid);
+    let mut frames = Frames::new(&gpu, &config).unwrap();
+    let sensors: [Sensor; 2] = [(&camera(80, 60)).into(), (&spinning(128, 16)).into()];
+    let mut bound = Vec::new();
+    // Each sensor comes twice, so that both shots have it.
+    for n in 0..8 {
+        let sensor = &sensors[n / 2 % 2];
+        let values = depths(sensor.width(), sensor.height(), 1);
+        on_gpu(&gpu, &mut frames, &config, &ranges(Depth::F32(&values), sensor), sensor, &pose(0));
+        bound.push(frames.shots.each_ref().map(|shot| shot.stages.len()));
+    }
+    assert_eq!(bound[3..], [[2, 2]; 5]);
 }
