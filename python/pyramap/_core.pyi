@@ -1,5 +1,5 @@
 from os import PathLike
-from typing import ClassVar, Literal, Self, TypeAlias, final
+from typing import Any, ClassVar, Literal, Self, TypeAlias, final
 
 import numpy as np
 import trimesh
@@ -24,6 +24,7 @@ __all__ = [
     "RayHits",
     "Scene",
     "SensorModel",
+    "SphericalSensor",
     "ViewGain",
     "__version__",
     "devices",
@@ -35,6 +36,7 @@ __all__ = [
 ]
 
 _Depth: TypeAlias = NDArray[np.float32] | NDArray[np.float64] | NDArray[np.uint16]
+_Sensor: TypeAlias = PinholeCamera | SphericalSensor
 _Sigma: TypeAlias = float | tuple[float, float, float]
 _SurfaceOffset: TypeAlias = float | Literal["centred"]
 _Update: TypeAlias = Literal["pyramid", "area", "min_layer", "ideal", "rays"]
@@ -91,6 +93,35 @@ class PinholeCamera:
     def __reduce__(self) -> tuple[type[Self], tuple[int, int, float, float, float, float]]: ...
 
 @final
+class SphericalSensor:
+    def __new__(
+        cls,
+        width: int,
+        elevations: ArrayLike,
+        height: int | None = None,
+        *,
+        first_azimuth: float = 0.0,
+        azimuth_span: float = -6.283185307179586,
+        row_offsets: ArrayLike | None = None,
+    ) -> Self: ...
+    @property
+    def width(self) -> int: ...
+    @property
+    def height(self) -> int: ...
+    @property
+    def elevations(self) -> NDArray[np.float64]: ...
+    @property
+    def first_azimuth(self) -> float: ...
+    @property
+    def azimuth_span(self) -> float: ...
+    @property
+    def row_offsets(self) -> NDArray[np.float64] | None: ...
+    def __eq__(self, value: object, /) -> bool: ...
+    def __ne__(self, value: object, /) -> bool: ...
+    def __hash__(self) -> int: ...
+    def __getnewargs_ex__(self) -> tuple[tuple[int, NDArray[np.float64]], dict[str, Any]]: ...
+
+@final
 class SensorModel:
     def __new__(cls, sigma: _Sigma, k: float | None = None, surface_offset: _SurfaceOffset = 0.0) -> Self: ...
     @property
@@ -127,26 +158,35 @@ class OccupancyGrid:
     def integrate_points(self, points: ArrayLike, world_from_sensor: ArrayLike) -> FrameStats: ...
     def integrate(
         self,
-        depth: _Depth,
-        camera: PinholeCamera,
-        world_from_camera: ArrayLike,
+        depth: _Depth | None = None,
+        camera: _Sensor | None = None,
+        world_from_camera: ArrayLike | None = None,
         depth_scale: float | None = None,
+        *,
+        ranges: _Depth | None = None,
+        sensor_model: SensorModel | None = None,
     ) -> FrameStats: ...
     def remove(
         self,
-        depth: _Depth,
-        camera: PinholeCamera,
-        world_from_camera: ArrayLike,
+        depth: _Depth | None = None,
+        camera: _Sensor | None = None,
+        world_from_camera: ArrayLike | None = None,
         depth_scale: float | None = None,
+        *,
+        ranges: _Depth | None = None,
+        sensor_model: SensorModel | None = None,
     ) -> FrameStats: ...
     def synchronize(self) -> None: ...
     def reintegrate(
         self,
-        depth: _Depth,
-        camera: PinholeCamera,
-        old_pose: ArrayLike,
-        new_pose: ArrayLike,
+        depth: _Depth | None = None,
+        camera: _Sensor | None = None,
+        old_pose: ArrayLike | None = None,
+        new_pose: ArrayLike | None = None,
         depth_scale: float | None = None,
+        *,
+        ranges: _Depth | None = None,
+        sensor_model: SensorModel | None = None,
     ) -> FrameStats: ...
     def decay(
         self,
@@ -307,9 +347,10 @@ class Scene:
     def render(
         self, camera: PinholeCamera, world_from_camera: ArrayLike, noise: int | None = None
     ) -> NDArray[np.float32]: ...
+    def render_ranges(self, camera: _Sensor, world_from_camera: ArrayLike) -> NDArray[np.float32]: ...
     def signed_distance(self, points: ArrayLike) -> NDArray[np.float64]: ...
 
-def ranges(depth: _Depth, camera: PinholeCamera, depth_scale: float | None = None) -> NDArray[np.float32]: ...
+def ranges(depth: _Depth, camera: _Sensor, depth_scale: float | None = None) -> NDArray[np.float32]: ...
 def pyramid(
     depth: _Depth, camera: PinholeCamera, voxel_size: float, depth_scale: float | None = None
 ) -> list[NDArray[np.float32]]: ...

@@ -91,6 +91,26 @@ shared! {
         _unused: u32,
     }
 
+    /// A spherical sensor; see [`pyramap::sensors::Spherical`].
+    struct Sphere {
+        /// The power of two of columns in which azimuths are counted.
+        step: f32,
+        /// Such steps in a radian; negative if columns go clockwise.
+        steps_per_radian: f32,
+        /// From azimuth 0 to the middle of the image, in steps.
+        middle: f32,
+        /// Steps in a full turn.
+        turn: f32,
+        /// How far beside its column a pixel's ray may be, in columns.
+        unaligned: f32,
+        /// The elevation at which the table of rows starts.
+        first_elevation: f32,
+        /// Its intervals.
+        intervals_per_radian: f32,
+        /// Whether the last column's neighbour is the first.
+        wraps: u32,
+    }
+
     /// The image halved some times.
     struct Halved {
         /// Columns.
@@ -111,7 +131,7 @@ shared! {
         steps: [[f32; 4]; 6],
         /// The world's axes in the camera's frame.
         axes: [[f32; 4]; 3],
-        /// The sides of the frustum; see [`pyramap::view::View::sides`].
+        /// The sides of a pinhole camera's frustum; see [`pyramap::sensors::Pinhole::sides`].
         sides: [[f32; 4]; 4],
         /// Centres of a block's eighths, relative to its own.
         quarter_offsets: [[f32; 4]; 8],
@@ -129,15 +149,17 @@ shared! {
         block: Cube,
         /// The cube of 2 x 2 x 2 voxels.
         pair: Cube,
+        /// The sensor, if it is spherical.
+        sphere: Sphere,
         /// Blocks of the box along each axis.
         blocks: [u32; 4],
         /// Where the parts of windows of each pass of the pyramid begin.
         parts: [u32; 4],
         /// Polynomial of the range that gives sigma, metres.
         sigma: [f32; 4],
-        /// Focal lengths.
+        /// Focal lengths of a pinhole camera.
         focal: [f32; 2],
-        /// The principal point, counted from the image's border.
+        /// Its principal point, counted from the image's border.
         principal: [f32; 2],
         /// Columns and rows of the image.
         image: [f32; 2],

@@ -11,10 +11,12 @@ use Access::{Read, Write};
 use pyramap::block::{BLOCK_EDGE, BLOCK_VOXELS};
 use pyramap::cull::{DISTANCE_SLACK, MAX_LAYERS, PIXEL_SLACK, Reads};
 use pyramap::log_odds::STEPS;
+use pyramap::sensors::{ATAN_COEFFICIENTS, BOUND_SLACK, Pinhole, Projection, Spherical};
 use pyramap::update::UpdateRule;
 use pyramap::update::area::Area;
 use pyramap::update::min_layer::MinLayer;
 use pyramap::update::pyramid::Pyramid;
+use std::f32::consts::{FRAC_PI_2, PI};
 
 /// The range of a pixel without return, metres: more than any camera reaches, and small enough to reckon with.
 pub const NO_RETURN: f32 = 1e30;
@@ -61,6 +63,8 @@ pub enum Slot {
     Bounds,
     /// The sensor table: value and rise for each interval.
     Table,
+    /// The rows of a spherical sensor, likewise for elevations.
+    Rows,
     /// What the host reads: [`RESULT_COUNTS`] counts, of free and of mixed blocks; then the free blocks; the mixed ones;
     /// and two words for each of these, the number of its voxels that change or [`UNIFORM`], and an increment.
     Results,
@@ -111,6 +115,15 @@ pub enum Sigma {
     Growing,
 }
 
+/// How a sensor projects.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SensorKind {
+    /// [`Pinhole`].
+    Pinhole,
+    /// [`Spherical`].
+    Spherical,
+}
+
 /// Ranges, and all of the pyramid that can be told from 8 x 8 pixels, for the layers `first..count`.
 pub fn tiles(format: Format, sigma: Sigma, first: usize, count: usize) -> Kernel {
     let depths = match format {
@@ -153,15 +166,18 @@ pub fn bounds(sigma: Sigma, finer: usize) -> Kernel {
 }
 
 /// Lists of free and mixed blocks.
-pub fn cull(rule: UpdateRule) -> Option<Kernel> {
+pub fn cull(rule: UpdateRule, sensor: SensorKind) -> Option<Kernel> {
+    let (rule_constants, projection) = (rule_constants(rule)?, sensor.files());
     let files = [
-        rule_constants(rule)?,
-        include_str!("surfaces/union.wgsl").into(),
-        include_str!("positions.wgsl").into(),
-        include_str!("classify.wgsl").into(),
-        include_str!("cull.wgsl").into(),
+        rule_constants.as_str(),
+        projection.as_str(),
+        include_str!("surfaces/union.wgsl"),
+        include_str!("positions.wgsl"),
+        include_str!("classify.wgsl"),
+        include_str!("cull.wgsl"),
     ];
-    let buffers = [Read(Slot::Frame), Read(Slot::Bounds), Write(Slot::Results)];
+    let mut buffers = vec![Read(Slot::Frame), Read(Slot::Bounds), Write(Slot::Results)];
+    buffers.extend(sensor.buffer());
     Some(kernel("cull", &[], &buffers, &files))
 }
 
@@ -172,7 +188,7 @@ pub fn arguments() -> Kernel {
 }
 
 /// Increments of mixed blocks. There is none for the rules `ideal` and `rays`.
-pub fn update(rule: UpdateRule, sigma: Sigma) -> Option<Kernel> {
+pub fn update(rule: UpdateRule, sigma: Sigma, sensor: SensorKind) -> Option<Kernel> {
     let bilinear = include_str!("update/bilinear.wgsl");
     let rule_files = match rule {
         UpdateRule::Pyramid => [bilinear, include_str!("update/pyramid.wgsl")],
@@ -180,9 +196,10 @@ pub fn update(rule: UpdateRule, sigma: Sigma) -> Option<Kernel> {
         UpdateRule::Area => ["", include_str!("update/area.wgsl")],
         UpdateRule::Ideal | UpdateRule::Rays => return None,
     };
-    let constants = rule_constants(rule)?;
+    let (rule_constants, projection) = (rule_constants(rule)?, sensor.files());
     let files = [
-        constants.as_str(),
+        rule_constants.as_str(),
+        projection.as_str(),
         sigma.file(),
         include_str!("surfaces/union.wgsl"),
         include_str!("positions.wgsl"),
@@ -191,7 +208,7 @@ pub fn update(rule: UpdateRule, sigma: Sigma) -> Option<Kernel> {
         rule_files[0],
         rule_files[1],
     ];
-    let buffers = [
+    let mut buffers = vec![
         Read(Slot::Frame),
         Read(Slot::Page),
         Read(Slot::Surfaces),
@@ -200,6 +217,7 @@ pub fn update(rule: UpdateRule, sigma: Sigma) -> Option<Kernel> {
         Write(Slot::Results),
         Write(Slot::Increments),
     ];
+    buffers.extend(sensor.buffer());
     Some(kernel("update", &[], &buffers, &files))
 }
 
@@ -232,6 +250,35 @@ impl Sigma {
             Sigma::Growing => include_str!("surfaces/growing.wgsl"),
         }
     }
+}
+
+impl SensorKind {
+    /// What the kernels ask of a sensor.
+    fn files(self) -> String {
+        let (perspective, angle, sensor) = match self {
+            SensorKind::Pinhole => (Pinhole::PERSPECTIVE, String::new(), include_str!("sensors/pinhole.wgsl")),
+            SensorKind::Spherical => (Spherical::PERSPECTIVE, angle(), include_str!("sensors/spherical.wgsl")),
+        };
+        format!("const PERSPECTIVE: bool = {perspective};\n")
+            + include_str!("sensors/projection.wgsl")
+            + &angle
+            + sensor
+    }
+
+    /// What it is read from, beside the frame.
+    fn buffer(self) -> Option<Access> {
+        (self == SensorKind::Spherical).then_some(Read(Slot::Rows))
+    }
+}
+
+/// The angle of a point, with the CPU's polynomial.
+fn angle() -> String {
+    let coefficients = ATAN_COEFFICIENTS.map(|c| format!("{c:?}"));
+    let mut series = coefficients.iter().rev();
+    let highest = series.next().expect("there are eight").clone();
+    let series = series.fold(highest, |series, coefficient| format!("({series} * squared + {coefficient})"));
+    let function = format!("fn atan_series(squared: f32) -> f32 {{\n    return {series};\n}}\n\n");
+    function + include_str!("sensors/angle.wgsl")
 }
 
 /// What `classify` must know of a rule: how far beyond a point's texel it reads, and whether it blends two layers.
@@ -270,6 +317,7 @@ impl Access {
             Slot::Surfaces => ("surfaces", "array<Surface>"),
             Slot::Bounds => ("bounds", "array<vec2<f32>>"),
             Slot::Table => ("table", "array<vec2<f32>>"),
+            Slot::Rows => ("rows", "array<vec2<f32>>"),
             Slot::Results => ("results", "Results"),
             Slot::Arguments => ("arguments", "array<u32>"),
             Slot::Increments => ("increments", "array<i32>"),
@@ -314,6 +362,9 @@ fn constants() -> String {
         ("DISTANCE_SLACK", DISTANCE_SLACK),
         ("PIXEL_SLACK", PIXEL_SLACK),
         ("STEPS", STEPS),
+        ("BOUND_SLACK", BOUND_SLACK),
+        ("PI", PI),
+        ("HALF_PI", FRAC_PI_2),
     ] {
         source += &format!("const {name}: f32 = {number:?};\n");
     }

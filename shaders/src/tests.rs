@@ -9,6 +9,7 @@ use pyramap::PinholeCamera;
 use std::collections::HashSet;
 
 const SIGMAS: [Sigma; 2] = [Sigma::Constant, Sigma::Growing];
+const SENSORS: [SensorKind; 2] = [SensorKind::Pinhole, SensorKind::Spherical];
 const RULES: [UpdateRule; 3] = [UpdateRule::Pyramid, UpdateRule::MinLayer, UpdateRule::Area];
 const MAX_LAYERS: usize = PinholeCamera::MAX_SIDE.ilog2() as usize + 1;
 
@@ -22,9 +23,11 @@ fn every_kernel() -> Vec<Kernel> {
         }
         kernels.extend((1..MAX_LAYERS / TILE_LAYERS + 1).map(|pass| windows(sigma, pass)));
         kernels.extend((0..HALVED).step_by(TILE_LAYERS).map(|finer| bounds(sigma, finer)));
-        kernels.extend(RULES.map(|rule| update(rule, sigma).expect("a rule for the GPU")));
     }
-    kernels.extend(RULES.map(|rule| cull(rule).expect("a rule for the GPU")));
+    for (rule, sensor) in RULES.into_iter().flat_map(|rule| SENSORS.map(|sensor| (rule, sensor))) {
+        kernels.push(cull(rule, sensor).expect("a rule for the GPU"));
+        kernels.extend(SIGMAS.map(|sigma| update(rule, sigma, sensor).expect("a rule for the GPU")));
+    }
     kernels
 }
 
@@ -62,7 +65,7 @@ fn every_shader_is_valid_and_uses_what_it_is_bound_to() {
 
 #[test]
 fn structs_lie_as_in_rust() {
-    let (module, _) = validated(&update(UpdateRule::Pyramid, Sigma::Constant).unwrap());
+    let (module, _) = validated(&update(UpdateRule::Pyramid, Sigma::Constant, SensorKind::Spherical).unwrap());
     let in_wgsl = |name: &str| {
         let (_, found) = module.types.iter().find(|(_, ty)| ty.name.as_deref() == Some(name)).expect(name);
         match &found.inner {
@@ -73,7 +76,7 @@ fn structs_lie_as_in_rust() {
     let layouts = layout::layouts();
     assert_eq!(
         layouts.iter().map(|(name, ..)| *name).collect::<Vec<_>>(),
-        ["Cube", "Halved", "Frame", "Addition", "Run", "Page"]
+        ["Cube", "Sphere", "Halved", "Frame", "Addition", "Run", "Page"]
     );
     for (name, size, fields) in layouts {
         let (members, span) = in_wgsl(name);

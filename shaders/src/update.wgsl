@@ -86,13 +86,12 @@ fn voxel_offset(pair: u32, voxel: u32) -> u32 {
 
 /// The increment of the voxel around a point: projects it (Eq. 13), asks the rule, and rounds, ties to even.
 fn increment_of(point: vec3<f32>) -> i32 {
-    let inverse = 1.0 / point.z;
-    let range = sqrt(point.x * point.x + point.y * point.y + point.z * point.z);
-    let pixel = point.xy * inverse * frame.focal + frame.principal;
-    if point.z <= 0.0 || range > frame.max_range || any(pixel < vec2(0.0)) || any(pixel >= frame.image) {
+    let projected = project(point);
+    let outside = any(projected.pixel < vec2(0.0)) || any(projected.pixel >= frame.image);
+    if !projected.in_front || projected.range > frame.max_range || outside {
         return 0;
     }
-    let answer = log_odds(point, pixel, range);
+    let answer = log_odds(point, projected.pixel, projected.range);
     return select(0, i32(round(answer.log_odds * STEPS)), answer.told);
 }
 

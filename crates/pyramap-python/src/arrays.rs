@@ -3,61 +3,84 @@
 use numpy::{Element, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArray, PyUntypedArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use pyramap::{Depth, DepthImage, Pose, Region};
+use pyramap::{Depth, DepthImage, Pose, Reading, Region};
 
-/// A depth image held for the length of a call: C-contiguous, of a type that the library knows.
-pub struct DepthArray<'py> {
-    data: DepthData<'py>,
+/// An image of depths or ranges held for the length of a call: C-contiguous, of a type that the library knows.
+pub struct ImageArray<'py> {
+    data: ImageData<'py>,
     width: usize,
     height: usize,
+    reading: Reading,
 }
 
-enum DepthData<'py> {
+enum ImageData<'py> {
     F32(PyReadonlyArrayDyn<'py, f32>),
     F64(PyReadonlyArrayDyn<'py, f64>),
     U16(PyReadonlyArrayDyn<'py, u16>, f64),
 }
 
-impl<'py> DepthArray<'py> {
-    /// Takes (H, W) float32 or float64 metres, or uint16 with a scale; any strides, which cost a copy.
-    pub fn new(depth: &Bound<'py, PyAny>, depth_scale: Option<f64>) -> PyResult<Self> {
+impl<'py> ImageArray<'py> {
+    /// Takes either of the two arguments, and their scale.
+    pub fn depth_or_ranges(
+        depth: Option<&Bound<'py, PyAny>>,
+        ranges: Option<&Bound<'py, PyAny>>,
+        depth_scale: Option<f64>,
+    ) -> PyResult<Self> {
+        match (depth, ranges) {
+            (Some(depth), None) => Self::depth(depth, depth_scale),
+            (None, Some(ranges)) => Self::new(ranges, depth_scale, "ranges", Reading::Range),
+            (None, None) => Err(PyValueError::new_err("depth is a NoneType, expected a (H, W) numpy array, or ranges instead")),
+            (Some(_), Some(_)) => Err(PyValueError::new_err("depth and ranges are both given, expected one of them")),
+        }
+    }
+
+    /// Takes the argument `depth`: (H, W) float32 or float64 metres, or uint16 with a scale; any strides, which cost a copy.
+    pub fn depth(depth: &Bound<'py, PyAny>, depth_scale: Option<f64>) -> PyResult<Self> {
+        Self::new(depth, depth_scale, "depth", Reading::Depth)
+    }
+
+    fn new(image: &Bound<'py, PyAny>, scale: Option<f64>, name: &str, reading: Reading) -> PyResult<Self> {
         let expected = "expected a (H, W) numpy array of float32 or float64 metres, or of uint16 with depth_scale";
-        let array = depth
+        let array = image
             .cast::<PyUntypedArray>()
-            .map_err(|_| PyValueError::new_err(format!("depth is a {}, {expected}", type_name(depth))))?;
+            .map_err(|_| PyValueError::new_err(format!("{name} is a {}, {expected}", type_name(image))))?;
         let &[height, width] = array.shape() else {
-            return Err(PyValueError::new_err(format!("depth has shape {:?}, {expected}", array.shape())));
+            return Err(PyValueError::new_err(format!("{name} has shape {:?}, {expected}", array.shape())));
         };
-        let data = match (typed::<u16>(array)?, depth_scale) {
-            (Some(values), Some(scale)) => DepthData::U16(values, scale),
+        let data = match (typed::<u16>(array)?, scale) {
+            (Some(values), Some(scale)) => ImageData::U16(values, scale),
             (Some(_), None) => {
-                return Err(PyValueError::new_err(
-                    "depth is uint16 and depth_scale is missing, expected steps a metre (1000.0 for millimetres)",
-                ));
+                return Err(PyValueError::new_err(format!(
+                    "{name} is uint16 and depth_scale is missing, expected steps a metre (1000.0 for millimetres)"
+                )));
             }
             (None, Some(scale)) => {
                 return Err(PyValueError::new_err(format!(
-                    "depth_scale is {scale} but depth is {}, expected no scale for metres, or uint16 depth",
+                    "depth_scale is {scale} but {name} is {}, expected no scale for metres, or uint16 {name}",
                     array.dtype()
                 )));
             }
             (None, None) => match (typed::<f32>(array)?, typed::<f64>(array)?) {
-                (Some(values), _) => DepthData::F32(values),
-                (_, Some(values)) => DepthData::F64(values),
-                _ => return Err(PyValueError::new_err(format!("depth has dtype {}, {expected}", array.dtype()))),
+                (Some(values), _) => ImageData::F32(values),
+                (_, Some(values)) => ImageData::F64(values),
+                _ => return Err(PyValueError::new_err(format!("{name} has dtype {}, {expected}", array.dtype()))),
             },
         };
-        Ok(Self { data, width, height })
+        Ok(Self { data, width, height, reading })
     }
 
     /// The image, to be used while the arrays are held.
     pub fn image(&self) -> PyResult<DepthImage<'_>> {
-        let depth = match &self.data {
-            DepthData::F32(values) => Depth::F32(values.as_slice()?),
-            DepthData::F64(values) => Depth::F64(values.as_slice()?),
-            DepthData::U16(values, scale) => Depth::U16 { values: values.as_slice()?, scale: *scale },
+        let values = match &self.data {
+            ImageData::F32(values) => Depth::F32(values.as_slice()?),
+            ImageData::F64(values) => Depth::F64(values.as_slice()?),
+            ImageData::U16(values, scale) => Depth::U16 { values: values.as_slice()?, scale: *scale },
         };
-        DepthImage::new(depth, self.width, self.height).map_err(crate::errors::to_py)
+        match self.reading {
+            Reading::Depth => DepthImage::new(values, self.width, self.height),
+            Reading::Range => DepthImage::of_ranges(values, self.width, self.height),
+        }
+        .map_err(crate::errors::to_py)
     }
 }
 
@@ -90,6 +113,15 @@ pub fn poses(poses: &Bound<'_, PyAny>) -> PyResult<Vec<Pose>> {
         Pose::from_rows(&rows).map_err(|error| PyValueError::new_err(format!("poses[{n}] as a {error}")))
     };
     values.as_chunks().0.iter().enumerate().map(pose).collect()
+}
+
+/// A list of numbers: anything that numpy makes an (N,) float64 array of.
+pub fn numbers(value: &Bound<'_, PyAny>, name: &str) -> PyResult<Vec<f64>> {
+    let (values, shape) = float64(value, name)?;
+    match shape[..] {
+        [_] => Ok(values),
+        _ => Err(PyValueError::new_err(format!("{name} has shape {shape:?}, expected (N,)"))),
+    }
 }
 
 /// World points: anything that numpy makes an (N, 3) float64 array of.
@@ -163,6 +195,6 @@ fn float64_array<'py>(
     Ok((array.cast::<PyArrayDyn<f64>>()?.try_readonly()?, shape))
 }
 
-fn type_name(value: &Bound<'_, PyAny>) -> String {
+pub fn type_name(value: &Bound<'_, PyAny>) -> String {
     value.get_type().name().map_or_else(|_| "value".into(), |name| name.to_string())
 }

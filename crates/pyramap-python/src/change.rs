@@ -1,9 +1,10 @@
 //! Change: `decay`, `clear`, `crop`, `reintegrate`, and what is recorded of them.
 
-use crate::arrays::{self, DepthArray};
-use crate::camera::PinholeCamera;
+use crate::arrays;
 use crate::errors::to_py;
-use crate::grid::OccupancyGrid;
+use crate::grid::{FrameArguments, OccupancyGrid};
+use crate::sensor::SensorModel;
+use crate::sensors::AnySensor;
 use crate::stats::FrameStats;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -27,7 +28,9 @@ fn factor(factor: Option<f64>, half_life: Option<f64>, elapsed: Option<f64>) -> 
 }
 
 /// A pose among several, so that the error says which.
-fn pose(value: &Bound<'_, PyAny>, name: &str) -> PyResult<Pose> {
+fn pose(value: Option<&Bound<'_, PyAny>>, name: &str) -> PyResult<Pose> {
+    let missing = || PyValueError::new_err(format!("{name} is missing, expected a (4, 4) rigid transform"));
+    let value = value.ok_or_else(missing)?;
     arrays::pose(value).map_err(|error| PyValueError::new_err(format!("{name}: {}", error.value(value.py()))))
 }
 
@@ -112,6 +115,8 @@ impl OccupancyGrid {
     ///     old_pose: The `world_from_camera` that `integrate` had.
     ///     new_pose: The one that it should have had.
     ///     depth_scale: As before.
+    ///     ranges: As before.
+    ///     sensor_model: As before.
     ///
     /// Returns:
     ///     What the frame did at its new pose, and the time that took.
@@ -119,19 +124,24 @@ impl OccupancyGrid {
     /// Raises:
     ///     ValueError: As for `remove` and `integrate`; the message says which pose is meant.
     ///     MapFullError: If the map would take more than `max_bytes`.
-    #[pyo3(signature = (depth, camera, old_pose, new_pose, depth_scale = None))]
+    #[pyo3(signature = (depth = None, camera = None, old_pose = None, new_pose = None, depth_scale = None, *,
+                        ranges = None, sensor_model = None))]
+    #[expect(clippy::too_many_arguments, reason = "keyword arguments in Python")]
     fn reintegrate(
         &self,
-        depth: &Bound<'_, PyAny>,
-        camera: PinholeCamera,
-        old_pose: &Bound<'_, PyAny>,
-        new_pose: &Bound<'_, PyAny>,
+        py: Python<'_>,
+        depth: Option<&Bound<'_, PyAny>>,
+        camera: Option<AnySensor>,
+        old_pose: Option<&Bound<'_, PyAny>>,
+        new_pose: Option<&Bound<'_, PyAny>>,
         depth_scale: Option<f64>,
+        ranges: Option<&Bound<'_, PyAny>>,
+        sensor_model: Option<SensorModel>,
     ) -> PyResult<FrameStats> {
-        let depth_array = DepthArray::new(depth, depth_scale)?;
-        let image = depth_array.image()?;
+        let frame = FrameArguments { depth, camera, depth_scale, ranges, sensor_model }.check()?;
+        let image = frame.image()?;
         let (old_pose, new_pose) = (pose(old_pose, "old_pose")?, pose(new_pose, "new_pose")?);
-        let stats = self.change(depth.py(), |grid| grid.reintegrate(&image, &camera.0, &old_pose, &new_pose))?;
+        let stats = self.change(py, |grid| grid.reintegrate(&image, &frame.sensor, &old_pose, &new_pose))?;
         Ok(FrameStats::known(stats))
     }
 

@@ -1,11 +1,11 @@
 //! `OccupancyGrid`.
 
-use crate::arrays::{self, DepthArray};
-use crate::camera::PinholeCamera;
+use crate::arrays::{self, ImageArray};
 use crate::devices::Choice;
 use crate::errors::to_py;
 use crate::mesh::Mesh;
 use crate::sensor::SensorModel;
+use crate::sensors::AnySensor;
 use crate::stats::FrameStats;
 use crate::threads::{run, with_pool};
 use numpy::{PyArray1, PyArray2, PyArray4, PyArrayMethods};
@@ -13,7 +13,7 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyramap::block::BLOCK_EDGE;
 use pyramap::mesh::MeshOptions;
-use pyramap::{BeyondMaxRange, GridConfig, Pose, UpdateRule};
+use pyramap::{BeyondMaxRange, GridConfig, Pose, Sensor, UpdateRule};
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
@@ -146,24 +146,51 @@ impl OccupancyGrid {
         py.detach(|| get(&self.0.read().unwrap_or_else(PoisonError::into_inner)))
     }
 
-    fn frame<'py, T: Send>(
+    /// Changes the map with a frame.
+    fn frame<T: Send>(
         &self,
-        depth: &Bound<'py, PyAny>,
-        camera: PinholeCamera,
-        world_from_camera: &Bound<'py, PyAny>,
-        depth_scale: Option<f64>,
-        fuse: impl FnOnce(
-            &mut pyramap::OccupancyGrid,
-            &pyramap::DepthImage,
-            &pyramap::PinholeCamera,
-            &Pose,
-        ) -> pyramap::Result<T>
-        + Send,
+        py: Python<'_>,
+        frame: FrameArguments<'_, '_>,
+        world_from_camera: Option<&Bound<'_, PyAny>>,
+        fuse: impl FnOnce(&mut pyramap::OccupancyGrid, &pyramap::DepthImage, &Sensor, &Pose) -> pyramap::Result<T> + Send,
     ) -> PyResult<T> {
-        let depth_array = DepthArray::new(depth, depth_scale)?;
-        let image = depth_array.image()?;
-        let pose = arrays::pose(world_from_camera)?;
-        self.change(depth.py(), |grid| fuse(grid, &image, &camera.0, &pose))
+        let frame = frame.check()?;
+        let image = frame.image()?;
+        let missing = || PyValueError::new_err("world_from_camera is missing, expected a (4, 4) rigid transform");
+        let pose = arrays::pose(world_from_camera.ok_or_else(missing)?)?;
+        self.change(py, |grid| fuse(grid, &image, &frame.sensor, &pose))
+    }
+}
+
+/// What Python says of a frame, but for its pose.
+pub struct FrameArguments<'a, 'py> {
+    pub depth: Option<&'a Bound<'py, PyAny>>,
+    pub camera: Option<AnySensor>,
+    pub depth_scale: Option<f64>,
+    pub ranges: Option<&'a Bound<'py, PyAny>>,
+    pub sensor_model: Option<SensorModel>,
+}
+
+/// A frame held for the length of a call.
+pub struct CheckedFrame<'py> {
+    array: ImageArray<'py>,
+    model: Option<SensorModel>,
+    pub sensor: Sensor,
+}
+
+impl<'py> FrameArguments<'_, 'py> {
+    /// Whether all is there, and of the right type.
+    pub fn check(self) -> PyResult<CheckedFrame<'py>> {
+        let array = ImageArray::depth_or_ranges(self.depth, self.ranges, self.depth_scale)?;
+        Ok(CheckedFrame { array, model: self.sensor_model, sensor: AnySensor::required(self.camera)? })
+    }
+}
+
+impl CheckedFrame<'_> {
+    /// The image, with its own sensor model if it has one.
+    pub fn image(&self) -> PyResult<pyramap::DepthImage<'_>> {
+        let image = self.array.image()?;
+        Ok(self.model.map_or(image, |model| image.with_sensor_model(model.0)))
     }
 }
 
@@ -231,7 +258,7 @@ impl OccupancyGrid {
         self.ask(py, |grid| grid.save(path))
     }
 
-    /// Fuses a depth image into the map: whole, or not at all.
+    /// Fuses an image of depths or ranges into the map: whole, or not at all.
     ///
     /// On a GPU this returns while the GPU works on the frame, so that the next can be read meanwhile. Whatever reads the
     /// map waits for it. If an earlier frame cannot be fused, MapFullError or DeviceError come up in the next call; a
@@ -243,28 +270,42 @@ impl OccupancyGrid {
     ///
     /// Args:
     ///     depth: (H, W) z-depth, float32 or float64 metres, or uint16 with `depth_scale`. Any strides; read-only will do.
-    ///     camera: Intrinsics, for an image of the same size.
-    ///     world_from_camera: (4, 4) rigid transform, metres. The entries of R^T R may differ from the identity by
-    ///         2e-3; the nearest rotation is used.
+    ///         A spherical sensor has no depth apart from ranges, and takes either.
+    ///     camera: The sensor, for an image of the same size. Each frame may have its own.
+    ///     world_from_camera: (4, 4) rigid transform, metres: the sensor's pose. The entries of R^T R may differ from the
+    ///         identity by 2e-3; the nearest rotation is used.
     ///     depth_scale: For uint16 and only then: steps a metre, 1000.0 for millimetres.
+    ///     ranges: Instead of `depth`: (H, W) distances along the pixels' rays, as LiDARs and time-of-flight cameras give
+    ///         them.
+    ///     sensor_model: What readings of this frame say, if not what the map's `sensor_model` says. To remove the frame it
+    ///         must be given again. The rule "rays" asks no model.
     ///
     /// Returns:
     ///     What the frame did, and the time it took.
     ///
     /// Raises:
-    ///     ValueError: If the image has another shape or type, differs in size from the camera or holds no reading at
-    ///         all; the pose is not finite or not rigid; or the camera lies beyond the coordinates of the map.
+    ///     TypeError: If `camera` is missing or no sensor.
+    ///     ValueError: If not one of `depth` and `ranges` is given; the image has another shape or type, differs in size
+    ///         from the camera or holds no reading at all; the pose is missing, not finite or not rigid; or the camera lies beyond
+    ///         the coordinates of the map.
     ///     MapFullError: If the map would take more than `max_bytes`.
     ///     DeviceError: If the device fails.
-    #[pyo3(signature = (depth, camera, world_from_camera, depth_scale = None))]
+    #[pyo3(signature = (depth = None, camera = None, world_from_camera = None, depth_scale = None, *, ranges = None,
+                        sensor_model = None))]
+    #[expect(clippy::too_many_arguments, reason = "keyword arguments in Python")]
     fn integrate(
         &self,
-        depth: &Bound<'_, PyAny>,
-        camera: PinholeCamera,
-        world_from_camera: &Bound<'_, PyAny>,
+        py: Python<'_>,
+        depth: Option<&Bound<'_, PyAny>>,
+        camera: Option<AnySensor>,
+        world_from_camera: Option<&Bound<'_, PyAny>>,
         depth_scale: Option<f64>,
+        ranges: Option<&Bound<'_, PyAny>>,
+        sensor_model: Option<SensorModel>,
     ) -> PyResult<FrameStats> {
-        let submitted = self.frame(depth, camera, world_from_camera, depth_scale, pyramap::OccupancyGrid::submit)?;
+        let frame = FrameArguments { depth, camera, depth_scale, ranges, sensor_model };
+        let submitted =
+            self.frame(py, frame, world_from_camera, |grid, image, sensor, pose| grid.submit(image, sensor, pose))?;
         Ok(FrameStats::of_submitted(submitted, &self.0))
     }
 
@@ -275,23 +316,33 @@ impl OccupancyGrid {
     ///     camera: As before.
     ///     world_from_camera: As before.
     ///     depth_scale: As before.
+    ///     ranges: As before.
+    ///     sensor_model: As before.
     ///
     /// Returns:
     ///     What the removal did, and the time it took.
     ///
     /// Raises:
+    ///     TypeError: As for `integrate`.
     ///     ValueError: As for `integrate`; and if the map has a `clamp`, is `saturated`, or was decayed, cleared or cropped:
     ///         evidence is lost then.
     ///     MapFullError: As for `integrate`: what was never fused can be removed, and takes room.
-    #[pyo3(signature = (depth, camera, world_from_camera, depth_scale = None))]
+    #[pyo3(signature = (depth = None, camera = None, world_from_camera = None, depth_scale = None, *, ranges = None,
+                        sensor_model = None))]
+    #[expect(clippy::too_many_arguments, reason = "keyword arguments in Python")]
     fn remove(
         &self,
-        depth: &Bound<'_, PyAny>,
-        camera: PinholeCamera,
-        world_from_camera: &Bound<'_, PyAny>,
+        py: Python<'_>,
+        depth: Option<&Bound<'_, PyAny>>,
+        camera: Option<AnySensor>,
+        world_from_camera: Option<&Bound<'_, PyAny>>,
         depth_scale: Option<f64>,
+        ranges: Option<&Bound<'_, PyAny>>,
+        sensor_model: Option<SensorModel>,
     ) -> PyResult<FrameStats> {
-        let stats = self.frame(depth, camera, world_from_camera, depth_scale, pyramap::OccupancyGrid::remove)?;
+        let frame = FrameArguments { depth, camera, depth_scale, ranges, sensor_model };
+        let stats =
+            self.frame(py, frame, world_from_camera, |grid, image, sensor, pose| grid.remove(image, sensor, pose))?;
         Ok(FrameStats::known(stats))
     }
 

@@ -13,6 +13,7 @@ mod queries;
 mod octomap;
 mod scenes;
 mod sensor;
+mod sensors;
 mod stages;
 mod stats;
 mod threads;
@@ -32,6 +33,7 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_function(wrap_pyfunction!(devices::devices, m)?)?;
     m.add_class::<camera::PinholeCamera>()?;
     m.add_class::<sensor::SensorModel>()?;
+    m.add_class::<sensors::SphericalSensor>()?;
     m.add_class::<grid::OccupancyGrid>()?;
     m.add_class::<stats::FrameStats>()?;
     m.add_class::<mesh::Mesh>()?;

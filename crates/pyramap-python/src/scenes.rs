@@ -2,6 +2,7 @@
 
 use crate::arrays::{points, pose};
 use crate::camera::PinholeCamera;
+use crate::sensors::AnySensor;
 use crate::threads::run;
 use numpy::{PyArray1, PyArray2, PyArray3, PyArrayMethods};
 use pyo3::exceptions::PyValueError;
@@ -91,6 +92,30 @@ impl Scene {
             }
         })?;
         PyArray1::from_vec(py, depth).reshape([camera.height, camera.width])
+    }
+
+    /// What any sensor at a pose measures, exactly: distances along its pixels' rays.
+    ///
+    /// The sensor should be in free space: a solid that contains it is not seen.
+    ///
+    /// Args:
+    ///     camera: A sensor of any kind and size.
+    ///     world_from_camera: (4, 4) rigid transform, metres: the sensor's pose.
+    ///
+    /// Returns:
+    ///     (H, W) float32 metres; 0 where there is no surface.
+    ///
+    /// Raises:
+    ///     ValueError: If the pose is not finite or not rigid.
+    fn render_ranges<'py>(
+        &self,
+        py: Python<'py>,
+        camera: AnySensor,
+        world_from_camera: &Bound<'py, PyAny>,
+    ) -> PyResult<Bound<'py, PyArray2<f32>>> {
+        let (sensor, pose) = (camera.0, pose(world_from_camera)?);
+        let ranges = run(py, || Ok(self.0.render_ranges(&sensor, &pose)))?;
+        PyArray1::from_vec(py, ranges).reshape([sensor.height(), sensor.width()])
     }
 
     /// Distances to the nearest surface.

@@ -1,14 +1,15 @@
 //! The first stages on their own: `ranges` and `pyramid`.
 
-use crate::arrays::DepthArray;
+use crate::arrays::ImageArray;
 use crate::camera::PinholeCamera;
 use crate::errors::to_py;
+use crate::sensors::AnySensor;
 use crate::threads::run;
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
 use pyramap::pyramid::{Pyramid, Selection, num_layers};
 use pyramap::ranges::Ranges;
-use pyramap::{BeyondMaxRange, Error};
+use pyramap::{BeyondMaxRange, Error, Sensor};
 
 type Image<'py> = Bound<'py, PyArray2<f32>>;
 
@@ -17,7 +18,7 @@ type Image<'py> = Bound<'py, PyArray2<f32>>;
 /// Args:
 ///     depth: (H, W) float32 or float64 metres, or uint16 with `depth_scale`. What each reading means:
 ///         see `OccupancyGrid.integrate`.
-///     camera: Of the same size.
+///     camera: Any sensor, of the same size.
 ///     depth_scale: For uint16: steps a metre, 1000.0 for millimetres.
 ///
 /// Returns:
@@ -30,10 +31,10 @@ type Image<'py> = Bound<'py, PyArray2<f32>>;
 pub fn ranges<'py>(
     py: Python<'py>,
     depth: &Bound<'py, PyAny>,
-    camera: PinholeCamera,
+    camera: AnySensor,
     depth_scale: Option<f64>,
 ) -> PyResult<Image<'py>> {
-    let ranges = compute_ranges(py, depth, camera, depth_scale)?;
+    let ranges = compute_ranges(py, depth, &camera.0, depth_scale)?;
     PyArray1::from_vec(py, ranges.values).reshape([ranges.height, ranges.width])
 }
 
@@ -68,7 +69,7 @@ pub fn pyramid<'py>(
         let (got, expected) = (format!("{voxel_size}"), "a positive number of metres".into());
         return Err(to_py(Error::Parameter { name: "voxel_size", got, expected }));
     }
-    let ranges = compute_ranges(py, depth, camera, depth_scale)?;
+    let ranges = compute_ranges(py, depth, &(&camera.0).into(), depth_scale)?;
     let t_0 = camera.0.focal_length() * voxel_size;
     let layers = run(py, || {
         let mut pyramid = Pyramid::default();
@@ -84,14 +85,14 @@ pub fn pyramid<'py>(
 fn compute_ranges(
     py: Python<'_>,
     depth: &Bound<'_, PyAny>,
-    camera: PinholeCamera,
+    sensor: &Sensor,
     depth_scale: Option<f64>,
 ) -> PyResult<Ranges> {
-    let depth = DepthArray::new(depth, depth_scale)?;
+    let depth = ImageArray::depth(depth, depth_scale)?;
     let image = depth.image()?;
     run(py, || {
         let mut ranges = Ranges::default();
-        ranges.compute(&image, &camera.0, f64::INFINITY, BeyondMaxRange::Free)?;
+        ranges.compute(&image, sensor, f64::INFINITY, BeyondMaxRange::Free)?;
         Ok(ranges)
     })
 }

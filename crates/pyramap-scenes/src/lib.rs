@@ -16,6 +16,7 @@
 //! assert!(distance[0].abs() < 1e-6);
 //! ```
 
+mod cast;
 mod kinect;
 mod office;
 mod render;

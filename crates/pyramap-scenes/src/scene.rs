@@ -1,9 +1,10 @@
 //! A scene: solids, the camera that looks at them, and the path of the camera.
 
+use crate::cast::cast;
 use crate::render::render;
 use crate::solid::Solid;
 use nalgebra::Vector3;
-use pyramap::{PinholeCamera, Pose};
+use pyramap::{PinholeCamera, Pose, Sensor};
 use rayon::prelude::*;
 
 /// A union of solids in metres, with a camera and its poses. All that is not inside a solid is free space.
@@ -46,6 +47,13 @@ impl Scene {
     /// The camera should be in free space: a solid that contains it is not drawn.
     pub fn render(&self, camera: &PinholeCamera, world_from_camera: &Pose) -> Vec<f32> {
         render(&self.solids, camera, world_from_camera)
+    }
+
+    /// Exact ranges of any sensor: distance in metres along the ray of each pixel, row by row, `0` where no surface is hit.
+    ///
+    /// The sensor should be in free space, as for [`Scene::render`].
+    pub fn render_ranges(&self, sensor: impl Into<Sensor>, world_from_sensor: &Pose) -> Vec<f32> {
+        cast(&self.solids, &sensor.into(), world_from_sensor)
     }
 
     /// Signed distance from each point to the surface, metres: positive in free space, negative inside solids.

@@ -41,7 +41,7 @@ fn random_solids_agree_with_ray_casting_at_every_pixel() {
         let eye = std::iter::repeat_with(|| random.vector(-2.0, 2.0));
         let eye = eye.take(1000).find(|eye| scene.signed_distance(&[*eye])[0] > 0.01).unwrap();
         let pose = random.pose(eye);
-        let depth = scene.render(&camera, &pose);
+        let (depth, ranges) = (scene.render(&camera, &pose), scene.render_ranges(&camera, &pose));
         for v in 0..camera.height {
             for u in 0..camera.width {
                 let expected = cast(scene.solids(), &camera, &pose, u, v);
@@ -50,11 +50,11 @@ fn random_solids_agree_with_ray_casting_at_every_pixel() {
                 } else {
                     misses += 1
                 }
-                assert_same(
-                    depth[v * camera.width + u],
-                    expected,
-                    &format!("({u}, {v}) of {:?}, {pose:?}", scene.solids()),
-                );
+                let context = format!("({u}, {v}) of {:?}, {pose:?}", scene.solids());
+                assert_same(depth[v * camera.width + u], expected, &context);
+                // The oracle's rays are as long as they are deep.
+                let range = expected.map(|depth| depth * ray(&camera, u, v).norm());
+                assert_same(ranges[v * camera.width + u], range, &context);
             }
         }
     }

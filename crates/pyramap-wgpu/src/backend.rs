@@ -9,7 +9,7 @@ use pyramap::backend::{Addition, Backend, Base, Committed, Seen, Source};
 use pyramap::block::{Block, BlockData};
 use pyramap::error::{DeviceFault, Error, Result};
 use pyramap::log_odds::Limits;
-use pyramap::{DepthImage, GridConfig, PinholeCamera, Pose};
+use pyramap::{DepthImage, GridConfig, Pose, Sensor};
 use std::mem::ManuallyDrop;
 use std::sync::Arc;
 
@@ -127,10 +127,10 @@ impl Backend for GpuBackend {
         true
     }
 
-    fn see(&mut self, config: &GridConfig, image: &DepthImage, camera: &PinholeCamera, pose: &Pose) -> Result<()> {
+    fn see(&mut self, config: &GridConfig, image: &DepthImage, sensor: &Sensor, pose: &Pose) -> Result<()> {
         self.0.check()?;
         let OnDevice { gpu, frames, .. } = &mut *self.0;
-        frames.see(gpu, config, image, camera, pose)
+        frames.see(gpu, config, image, sensor, pose)
     }
 
     fn seen(&mut self, _: &GridConfig, seen: &mut Seen) -> Result<()> {

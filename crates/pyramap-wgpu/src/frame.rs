@@ -3,37 +3,40 @@
 //! the queue's order.
 
 mod params;
+mod recent;
+mod sensors;
 mod shot;
 mod stages;
 
 use crate::gpu::Gpu;
 use crate::timestamps::Timestamps;
 use params::{Layers, Model};
+use recent::Recent;
+use sensors::Described;
 pub use shot::Room;
 use shot::{Found, Shot};
-use stages::{TIMED, Variant};
+use stages::{Lens, TIMED, Variant};
 
 use pyramap::backend::Seen;
 use pyramap::block::{BLOCK_VOXELS, BlockKey};
 use pyramap::config::GridConfig;
 use pyramap::error::Result;
-use pyramap::ranges::range_per_depth;
+use pyramap::ranges::range_per_reading;
+use pyramap::sensors::{Pinhole, Spherical};
 use pyramap::stats::{StageSeconds, Stopwatch};
 use pyramap::update::Change;
 use pyramap::view::View;
-use pyramap::{Depth, DepthImage, PinholeCamera, Pose};
-use pyramap_shaders::{Format, Sigma, UNIFORM};
+use pyramap::{Depth, DepthImage, Pose, Reading, Sensor, SensorModel};
+use pyramap_shaders::{Format, SensorKind, Sigma, UNIFORM};
 use std::borrow::Cow;
 use std::collections::VecDeque;
 use wgpu::{Buffer, BufferUsages};
 
 /// Frames under way.
 pub struct Frames {
-    model: Model,
-    sigma: Sigma,
     page_blocks: usize,
-    /// The camera of the last frame, and its ranges per depth.
-    lens: Option<(PinholeCamera, Buffer)>,
+    models: Recent<SensorModel, (Model, Buffer)>,
+    lenses: Recent<(Sensor, Reading), Lens>,
     shots: [Shot; 2],
     /// The shots that were begun and not asked for, the earlier one first.
     begun: VecDeque<usize>,
@@ -57,20 +60,14 @@ impl Frames {
     /// # Errors
     /// As [`Frames::new`].
     pub fn with_room(gpu: &Gpu, config: &GridConfig, room: Room) -> Result<Self> {
-        if pyramap_shaders::update(config.update, Sigma::Constant).is_none() {
+        if pyramap_shaders::update(config.update, Sigma::Constant, SensorKind::Pinhole).is_none() {
             return Err(stages::not_here(config.update));
         }
-        let model = Model::new(config);
-        let entries: &[u8] = bytemuck::cast_slice(model.table.entries());
-        let table = gpu.buffer("sensor table", entries.len() as u64, BufferUsages::STORAGE | BufferUsages::COPY_DST)?;
-        gpu.write(&table, 0, entries)?;
-        let shots = [Shot::new(gpu, &table, room)?, Shot::new(gpu, &table, room)?];
         Ok(Self {
-            model,
-            sigma: if config.sensor_model.is_constant() { Sigma::Constant } else { Sigma::Growing },
             page_blocks: room.page_blocks,
-            lens: None,
-            shots,
+            models: Recent::default(),
+            lenses: Recent::default(),
+            shots: [Shot::new(gpu, room)?, Shot::new(gpu, room)?],
             begun: VecDeque::new(),
             last: 0,
             asked: 0,
@@ -87,28 +84,55 @@ impl Frames {
         gpu: &Gpu,
         config: &GridConfig,
         image: &DepthImage,
-        camera: &PinholeCamera,
+        sensor: &Sensor,
         pose: &Pose,
     ) -> Result<()> {
-        debug_assert!(self.begun.len() < self.shots.len(), "two frames are under way");
         let mut watch = Stopwatch::start();
-        let view = View::new(camera, pose, config.voxel_size, config.max_range);
-        let layers = params::layers(config, &view, camera.width, camera.height);
-        let lens = self.lens(gpu, camera)?;
-        let this = (self.last + 1) % self.shots.len();
-        self.make_layers(gpu, this, &layers)?;
-        let shot = &mut self.shots[this];
-        shot.buffers.range_per_depth = lens;
-        let (format, pixels) = pixels(image);
-        fit(gpu, &mut shot.buffers.depth, "depth", pixels.len())?;
-        gpu.write(&shot.buffers.depth, 0, &pixels)?;
-        (shot.frame, shot.low) = params::frame(config, &self.model, &view, &layers, &image.depth());
-        let variant = Variant { rule: config.update, sigma: self.sigma, format, layers };
-        shot.begin(gpu, variant, self.clock.as_ref())?;
-        shot.upload = watch.lap();
+        let (r, max_range) = (config.voxel_size, config.max_range);
+        let this = match sensor {
+            Sensor::Pinhole(camera) => {
+                self.begin(gpu, config, image, sensor, &View::new(Pinhole::new(camera), pose, r, max_range))?
+            }
+            Sensor::Spherical(spherical) => {
+                self.begin(gpu, config, image, sensor, &View::new(Spherical::new(spherical), pose, r, max_range))?
+            }
+        };
+        self.shots[this].upload = watch.lap();
         self.begun.push_back(this);
         self.last = this;
         Ok(())
+    }
+
+    /// Begins with a frame in the next shot, and returns which that is.
+    fn begin<P: Described>(
+        &mut self,
+        gpu: &Gpu,
+        config: &GridConfig,
+        image: &DepthImage,
+        sensor: &Sensor,
+        view: &View<P>,
+    ) -> Result<usize> {
+        debug_assert!(self.begun.len() < self.shots.len(), "two frames are under way");
+        let this = (self.last + 1) % self.shots.len();
+        let layers = params::layers(config, view);
+        let model = image.sensor_model().unwrap_or(config.sensor_model);
+        let sigma = if model.is_constant() { Sigma::Constant } else { Sigma::Growing };
+        self.make_layers(gpu, this, &layers, sigma)?;
+        let lens = self.lenses.get((sensor.clone(), image.reading()), |_| lens(gpu, sensor, image.reading(), view))?;
+        let (model, table) = self.models.get(model, |model| {
+            let model = Model::new(model);
+            let table = sensors::table(gpu, "sensor table", model.table.entries())?;
+            Ok((model, table))
+        })?;
+        let shot = &mut self.shots[this];
+        (shot.buffers.lens, shot.buffers.table) = (lens.clone(), table.clone());
+        let (format, pixels) = pixels(image, sensor);
+        fit(gpu, &mut shot.buffers.depth, "depth", pixels.len())?;
+        gpu.write(&shot.buffers.depth, 0, &pixels)?;
+        (shot.frame, shot.low) = params::frame(config, model, view, &layers, &image.depth());
+        let variant = Variant { rule: config.update, sensor: view.projection.kind(), sigma, format, layers };
+        shot.begin(gpu, variant, self.clock.as_ref())?;
+        Ok(this)
     }
 
     /// What the frame begun first does to blocks; waits for it.
@@ -154,24 +178,9 @@ impl Frames {
         self.page_blocks
     }
 
-    /// The ranges per depth of a camera, kept from frame to frame.
-    fn lens(&mut self, gpu: &Gpu, camera: &PinholeCamera) -> Result<Buffer> {
-        if let Some((_, buffer)) = self.lens.as_ref().filter(|(known, _)| known == camera) {
-            return Ok(buffer.clone());
-        }
-        let values: Vec<f32> = range_per_depth(camera).collect();
-        let padded = rows_of_pairs(&values, camera.width);
-        let bytes: &[u8] = bytemuck::cast_slice(&padded);
-        // A new buffer, since frames of the other camera may be under way.
-        let buffer = gpu.buffer("a lens", bytes.len() as u64, BufferUsages::STORAGE | BufferUsages::COPY_DST)?;
-        gpu.write(&buffer, 0, bytes)?;
-        self.lens = Some((*camera, buffer.clone()));
-        Ok(buffer)
-    }
-
     /// Makes what lies between the stages large enough. Both shots share it.
-    fn make_layers(&mut self, gpu: &Gpu, this: usize, layers: &Layers) -> Result<()> {
-        let texel = match self.sigma {
+    fn make_layers(&mut self, gpu: &Gpu, this: usize, layers: &Layers, sigma: Sigma) -> Result<()> {
+        let texel = match sigma {
             Sigma::Constant => size_of::<f32>(),
             Sigma::Growing => size_of::<[f32; 2]>(),
         };
@@ -184,6 +193,14 @@ impl Frames {
     }
 }
 
+/// What a sensor gives to all its frames.
+fn lens<P: Described>(gpu: &Gpu, sensor: &Sensor, reading: Reading, view: &View<P>) -> Result<Lens> {
+    let per_reading: Vec<f32> = range_per_reading(sensor, reading).collect();
+    let range_per_depth = sensors::table(gpu, "a lens", &rows_of_pairs(&per_reading, sensor))?;
+    let rows = view.projection.rows().map(|rows| sensors::table(gpu, "rows", rows)).transpose()?;
+    Ok(Lens { range_per_depth, rows })
+}
+
 /// Makes a buffer anew if it is too small.
 fn fit(gpu: &Gpu, buffer: &mut Buffer, label: &str, bytes: usize) -> Result<()> {
     if buffer.size() < bytes as u64 {
@@ -193,30 +210,36 @@ fn fit(gpu: &Gpu, buffer: &mut Buffer, label: &str, bytes: usize) -> Result<()> 
     Ok(())
 }
 
-/// The pixels as shaders read them: an even number to each row, the last one without a reading if need be.
-fn pixels<'a>(image: &DepthImage<'a>) -> (Format, Cow<'a, [u8]>) {
+/// The pixels as shaders read them.
+fn pixels<'a>(image: &DepthImage<'a>, sensor: &Sensor) -> (Format, Cow<'a, [u8]>) {
     fn bytes<T: bytemuck::Pod>(values: Cow<[T]>) -> Cow<[u8]> {
         match values {
             Cow::Borrowed(values) => Cow::Borrowed(bytemuck::cast_slice(values)),
             Cow::Owned(values) => Cow::Owned(bytemuck::cast_slice(&values).to_vec()),
         }
     }
-    let width = image.width();
     match image.depth() {
-        Depth::U16 { values, .. } => (Format::U16, bytes(rows_of_pairs(values, width))),
-        Depth::F32(values) => (Format::F32, bytes(rows_of_pairs(values, width))),
+        Depth::U16 { values, .. } => (Format::U16, bytes(rows_of_pairs(values, sensor))),
+        Depth::F32(values) => (Format::F32, bytes(rows_of_pairs(values, sensor))),
         Depth::F64(values) => {
             let values: Vec<f32> = values.iter().map(|&depth| depth as f32).collect();
-            (Format::F32, Cow::Owned(bytemuck::cast_slice(&rows_of_pairs(&values, width)).to_vec()))
+            (Format::F32, Cow::Owned(bytemuck::cast_slice(&rows_of_pairs(&values, sensor)).to_vec()))
         }
     }
 }
 
-fn rows_of_pairs<T: Copy + Default>(values: &[T], width: usize) -> Cow<'_, [T]> {
-    if width.is_multiple_of(2) {
+/// Rows aligned, and an even number of pixels to each: the last one without a reading if need be.
+fn rows_of_pairs<'a, T: Copy + Default>(values: &'a [T], sensor: &Sensor) -> Cow<'a, [T]> {
+    let (width, height) = (sensor.width(), sensor.height());
+    if width.is_multiple_of(2) && (0..height).all(|row| sensor.row_shift(row) == 0) {
         return Cow::Borrowed(values);
     }
-    Cow::Owned(values.chunks(width).flat_map(|row| row.iter().copied().chain([T::default()])).collect())
+    let rows = values.chunks(width).enumerate().flat_map(|(row, values)| {
+        let shift = sensor.row_shift(row).rem_euclid(width as isize) as usize;
+        let (left, right) = values.split_at(width - shift);
+        right.iter().chain(left).copied().chain((width % 2 == 1).then(T::default))
+    });
+    Cow::Owned(rows.collect())
 }
 
 fn change(&[voxels, increment]: &[u32; 2]) -> Change {

@@ -4,8 +4,8 @@ mod common;
 
 use pyramap::block::{BLOCK_VOXELS, BlockKey, Blocks};
 use pyramap::{
-    BeyondMaxRange, Depth, DepthImage, GridConfig, OccupancyGrid, PinholeCamera, Pose, SensorModel, SurfaceOffset,
-    UpdateRule,
+    BeyondMaxRange, Depth, DepthImage, GridConfig, OccupancyGrid, PinholeCamera, Pose, Sensor, SensorModel,
+    SphericalSensor, SurfaceOffset, UpdateRule,
 };
 use pyramap_scenes::{kinect_noise, office_loop};
 use pyramap_wgpu::frame::Room;
@@ -286,4 +286,34 @@ fn depth_in_whole_millimetres() {
     map.integrate(&image, &camera, &shot.pose).unwrap();
     cpu.integrate(&image, &camera, &shot.pose).unwrap();
     assert_equal(&map, &cpu, 1);
+}
+
+/// A camera, one that measures ranges, and a spinning LiDAR with shifted rows, in one map; each can be taken off again.
+#[test]
+fn several_sensors_in_one_map() {
+    let Some(gpu) = common::gpu() else { return };
+    let beams = SphericalSensor::even_elevations(32, 0.4, -0.6);
+    let offsets: Vec<f64> = (0..32).map(|row| [0.03, -0.03][row % 2]).collect();
+    let lidar = SphericalSensor::new(512, &beams).unwrap().with_row_offsets(&offsets).unwrap();
+    let shots = walk(2);
+    // A room all around, with a gap.
+    let around: Vec<f32> = (0..512 * 32).map(|i| if i % 512 < 40 { 0.0 } else { 2.5 + 0.3 * (i % 7) as f32 }).collect();
+    let ranges = DepthImage::of_ranges(Depth::F32(&around), 512, 32).unwrap();
+    let time_of_flight = DepthImage::of_ranges(Depth::F32(&shots[1].depth), camera().width, camera().height).unwrap();
+    let (lidar, camera) = (Sensor::from(&lidar), Sensor::from(&camera()));
+    let frames = [(shots[0].image(), &camera), (ranges, &lidar), (time_of_flight, &camera), (ranges, &lidar)];
+    for update in RULES {
+        let config = config(0.1, update);
+        let (mut map, mut cpu) = (on_gpu(&gpu, &config, SMALL), on_cpu(&config));
+        for (n, (image, sensor)) in frames.iter().enumerate() {
+            map.submit(image, *sensor, &shots[n / 2].pose).unwrap();
+            cpu.integrate(image, *sensor, &shots[n / 2].pose).unwrap();
+        }
+        map.synchronize().unwrap();
+        assert_equal(&map, &cpu, frames.len());
+        for (n, (image, sensor)) in frames.iter().enumerate() {
+            map.remove(image, *sensor, &shots[n / 2].pose).unwrap();
+        }
+        assert_eq!((map.num_blocks(), map.num_frames()), (0, 0), "{update:?}");
+    }
 }

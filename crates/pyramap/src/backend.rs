@@ -3,13 +3,13 @@
 //! The host owns the directory; a backend is told slots. Everything that reads a map reads blocks through here.
 
 use crate::block::{Block, BlockData};
-use crate::camera::PinholeCamera;
 use crate::config::GridConfig;
 use crate::cull::Culled;
 use crate::depth::DepthImage;
 use crate::error::{Error, Result};
 use crate::log_odds::Limits;
 use crate::pose::Pose;
+use crate::sensors::Sensor;
 use crate::stats::StageSeconds;
 use crate::update::Change;
 
@@ -79,11 +79,11 @@ pub trait Backend: Send + Sync {
     /// Whether [`Backend::see`] returns before the device is done.
     fn pipelined(&self) -> bool;
 
-    /// Begins with a frame: the stages ranges, pyramid, cull and update. The image was found to fit the camera.
+    /// Begins with a frame: the stages ranges, pyramid, cull and update. The image was found to fit the sensor.
     ///
     /// # Errors
-    /// If the device fails.
-    fn see(&mut self, config: &GridConfig, image: &DepthImage, camera: &PinholeCamera, pose: &Pose) -> Result<()>;
+    /// If the device fails; [`Error::Unsupported`] on devices without that sensor.
+    fn see(&mut self, config: &GridConfig, image: &DepthImage, sensor: &Sensor, pose: &Pose) -> Result<()>;
     /// Begins with a frame of points in the sensor's frame instead of an image, for the rule
     /// [`Rays`](crate::update::UpdateRule::Rays).
     ///

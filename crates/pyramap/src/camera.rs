@@ -1,6 +1,8 @@
 //! The pinhole camera: axes x right, y down, z forward; integer pixel coordinates are pixel centres.
 
 use crate::error::{Error, Result};
+use crate::sensors::PixelRay;
+use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
 /// Pinhole intrinsics without distortion, in pixels.
@@ -53,6 +55,12 @@ impl PinholeCamera {
     /// `sqrt(fx fy)`: the one focal length that sizes pyramid layers (Eq. 11).
     pub fn focal_length(&self) -> f64 {
         (self.fx * self.fy).sqrt()
+    }
+
+    /// The ray of a pixel, `K^-1 [u v 1]` made a unit vector.
+    pub fn ray(&self, column: usize, row: usize) -> PixelRay {
+        let direction = Vector3::new((column as f64 - self.cx) / self.fx, (row as f64 - self.cy) / self.fy, 1.0);
+        PixelRay { start: Vector3::zeros(), direction: direction.normalize() }
     }
 
     /// `|K^-1 [u v 1]|`: Euclidean distance per metre of z-depth at a pixel (Eq. 6).

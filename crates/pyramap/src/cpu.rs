@@ -2,7 +2,6 @@
 
 use crate::backend::{Addition, Backend, Base, Committed, Seen, Source};
 use crate::block::{BLOCK_VOXELS, Block, BlockData};
-use crate::camera::PinholeCamera;
 use crate::config::GridConfig;
 use crate::cull::{CullBuffers, Scope, cull};
 use crate::depth::DepthImage;
@@ -12,7 +11,8 @@ use crate::pool::Pool;
 use crate::pose::Pose;
 use crate::pyramid::Pyramid;
 use crate::ranges::Ranges;
-use crate::sensor::SensorTable;
+use crate::sensor::{SensorModel, SensorTable};
+use crate::sensors::{Pinhole, Projection, Sensor, Spherical};
 use crate::stats::{StageSeconds, Stopwatch};
 use crate::surfaces::SurfaceLayer;
 use crate::update::area::Area;
@@ -24,9 +24,13 @@ use crate::update::{UpdateRule, update};
 use crate::view::View;
 use std::mem::swap;
 
+/// So many sensor models are kept.
+const MODELS: usize = 8;
+
 /// Buffers of the stages, kept from frame to frame, and the pool.
 pub struct CpuBackend {
-    table: SensorTable,
+    /// The sensor models of the last frames, the one in use first.
+    models: Vec<(SensorModel, SensorTable)>,
     ranges: Ranges,
     pyramid: Pyramid,
     surfaces: Vec<SurfaceLayer>,
@@ -41,7 +45,7 @@ impl CpuBackend {
     /// A backend with an empty pool.
     pub fn new(config: &GridConfig) -> Self {
         Self {
-            table: SensorTable::new(&config.sensor_model),
+            models: vec![(config.sensor_model, SensorTable::new(&config.sensor_model))],
             ranges: Ranges::default(),
             pyramid: Pyramid::default(),
             surfaces: Vec::new(),
@@ -70,24 +74,43 @@ macro_rules! with_rule {
 }
 
 impl CpuBackend {
-    fn ranges(&mut self, config: &GridConfig, image: &DepthImage, camera: &PinholeCamera) -> Result<()> {
-        self.ranges.compute(image, camera, config.max_range, config.beyond_max_range)
+    /// The stages between ranges and commit (Alg. 1), but for rays.
+    fn stages<P: Projection>(&mut self, config: &GridConfig, view: &View<P>, watch: &mut Stopwatch) {
+        self.pyramid(config, view);
+        self.seen.seconds.pyramid = watch.lap();
+
+        self.cull(config, view);
+        self.seen.seconds.cull = watch.lap();
+
+        self.update(config, view);
+        self.seen.seconds.update = watch.lap();
+    }
+
+    /// Puts a sensor model first, and tabulates it unless one of the last frames had it.
+    fn use_model(&mut self, model: SensorModel) {
+        if let Some(known) = self.models.iter().position(|(known, _)| *known == model) {
+            self.models[..=known].rotate_right(1);
+        } else {
+            self.models.truncate(MODELS - 1);
+            self.models.insert(0, (model, SensorTable::new(&model)));
+        }
     }
 
     /// The layers (Eq. 10), as the sensor model sees them.
-    fn pyramid(&mut self, config: &GridConfig, view: &View) {
-        let count = crate::pyramid::num_layers(self.ranges.width, self.ranges.height);
+    fn pyramid<P: Projection>(&mut self, config: &GridConfig, view: &View<P>) {
+        let count = view.projection.num_layers();
         let wanted = config.update.layers(view, count);
-        self.pyramid.compute(&self.ranges, view.t_0, config.update.selection(), wanted.clone());
+        self.pyramid.compute(&self.ranges, view.t_0, config.update.selection::<P>(), wanted.clone());
         self.surfaces.resize_with(count, SurfaceLayer::default);
         for i in wanted {
-            let (layer, finest) = (&self.pyramid.layers[i], config.update.finest_bounds());
-            self.surfaces[i].compute(layer, &config.sensor_model, &self.table, finest);
+            let ((model, table), layer) = (&self.models[0], &self.pyramid.layers[i]);
+            let finest = config.update.finest_bounds();
+            self.surfaces[i].compute(layer, model, table, finest);
         }
     }
 
     /// The blocks that the frame changes.
-    fn cull(&mut self, config: &GridConfig, view: &View) {
+    fn cull<P: Projection>(&mut self, config: &GridConfig, view: &View<P>) {
         let (layers, culled) = (&self.surfaces[..], &mut self.seen.culled);
         with_rule!(config.update, view, layers.len(), |rule| {
             cull(&Scope { view, layers, rule, enabled: config.cull }, &mut self.cull_buffers, culled)
@@ -95,11 +118,11 @@ impl CpuBackend {
     }
 
     /// What the frame does to each mixed block (Alg. 1).
-    fn update(&mut self, config: &GridConfig, view: &View) {
+    fn update<P: Projection>(&mut self, config: &GridConfig, view: &View<P>) {
         let (layers, Seen { culled, changes, .. }) = (&self.surfaces[..], &mut self.seen);
         with_rule!(config.update, view, layers.len(), |rule| {
             let scope = Scope { view, layers, rule, enabled: config.cull };
-            update(&scope, &self.table, &culled.mixed, &mut self.increments, changes)
+            update(&scope, &self.models[0].1, &culled.mixed, &mut self.increments, changes)
         });
     }
 
@@ -124,29 +147,28 @@ impl Backend for CpuBackend {
         false
     }
 
-    /// The stages of a frame (Alg. 1).
-    fn see(&mut self, config: &GridConfig, image: &DepthImage, camera: &PinholeCamera, pose: &Pose) -> Result<()> {
+    fn see(&mut self, config: &GridConfig, image: &DepthImage, sensor: &Sensor, pose: &Pose) -> Result<()> {
         let mut watch = Stopwatch::start();
         self.seen.seconds = StageSeconds::default();
-        let view = View::new(camera, pose, config.voxel_size, config.max_range);
 
-        self.ranges(config, image, camera)?;
+        self.ranges.compute(image, sensor, config.max_range, config.beyond_max_range)?;
         self.seen.seconds.ranges = watch.lap();
 
         if config.update == UpdateRule::Rays {
-            self.update_along(config, &Scan::of_image(&self.ranges, camera, pose, config.max_range));
+            self.update_along(config, &Scan::of_image(&self.ranges, sensor, pose, config.max_range));
             self.seen.seconds.update = watch.lap();
             return Ok(());
         }
-
-        self.pyramid(config, &view);
-        self.seen.seconds.pyramid = watch.lap();
-
-        self.cull(config, &view);
-        self.seen.seconds.cull = watch.lap();
-
-        self.update(config, &view);
-        self.seen.seconds.update = watch.lap();
+        self.use_model(image.sensor_model.unwrap_or(config.sensor_model));
+        let (r, max_range) = (config.voxel_size, config.max_range);
+        match sensor {
+            Sensor::Pinhole(camera) => {
+                self.stages(config, &View::new(Pinhole::new(camera), pose, r, max_range), &mut watch);
+            }
+            Sensor::Spherical(sensor) => {
+                self.stages(config, &View::new(Spherical::new(sensor), pose, r, max_range), &mut watch);
+            }
+        }
         Ok(())
     }
 

@@ -10,6 +10,7 @@
 #![allow(clippy::needless_range_loop, reason = "lanes of several arrays go together, by their number")]
 
 use crate::block::{BLOCK_EDGE, BlockKey};
+use crate::sensors::Projection;
 use crate::surfaces::{Bounds, SurfaceLayer, texel};
 use crate::view::{Points, View};
 use nalgebra::Vector3;
@@ -67,7 +68,7 @@ pub const PIXEL_SLACK: f32 = 1e-2;
 
 /// The eighths of a cube: where they lie, and how far each reaches. The same serve all cubes of one size.
 #[derive(Clone, Debug)]
-pub struct Eighths {
+pub struct Eighths<P: Projection> {
     /// Their centres relative to the cube's, in the camera's frame.
     pub offsets: Points,
     /// The world's axes in the camera's frame, along which the cubes lie.
@@ -76,10 +77,8 @@ pub struct Eighths {
     pub voxels: f32,
     /// Half the edge of the cube that holds all that is projected for its voxels, metres.
     pub projected: f32,
-    /// Half the depth of that cube, along the camera's z, metres.
-    pub depth: f32,
-    /// Half its extent across each of the frustum's sides, in the units of [`View::sides`].
-    pub across_sides: [f32; 4],
+    /// What the projection makes of that cube.
+    pub size: P::Size,
 }
 
 /// Which half of a cube an eighth lies in along an axis: 0 or 1. Along z neighbours follow each other.
@@ -88,28 +87,25 @@ pub const fn side(eighth: usize, axis: usize) -> usize {
     eighth >> (2 - axis) & 1
 }
 
-impl Eighths {
+impl<P: Projection> Eighths<P> {
     /// The eighths of cubes of `edge` voxels along each side, for a rule that reads around each voxel.
-    pub fn new<R: Reads>(view: &View, edge: usize) -> Self {
+    pub fn new<R: Reads>(view: &View<P>, edge: usize) -> Self {
         let eighth = edge as f64 / 2.0;
         let axes = [0, 1, 2].map(|k| view.to_camera(&Vector3::ith(k, 1.0)));
         let half = (eighth - 1.0) / 2.0 * view.voxel_size;
-        let projected = half + R::HALF_EDGE * view.voxel_size;
-        let extent =
-            |normal: &[f32; 3]| projected as f32 * axes.iter().map(|axis| dot(axis, normal).abs()).sum::<f32>();
+        let projected = (half + R::HALF_EDGE * view.voxel_size) as f32;
         Self {
             offsets: view.voxel_offsets(|n| std::array::from_fn(|axis| (side(n, axis) as f64 - 0.5) * eighth)),
             axes,
             voxels: half as f32,
-            projected: projected as f32,
-            depth: extent(&[0.0, 0.0, 1.0]),
-            across_sides: view.sides.each_ref().map(extent),
+            projected,
+            size: view.projection.size(&axes, projected),
         }
     }
 
     /// The nearest and farthest distance of the points in the cube around a centre, with slack for rounding.
     #[inline(always)]
-    fn distances(&self, point: [f32; 3]) -> (f32, f32) {
+    pub fn distances(&self, point: [f32; 3]) -> [f32; 2] {
         let (mut near, mut far) = (0.0, 0.0);
         for axis in &self.axes {
             let away = dot(axis, &point).abs();
@@ -118,30 +114,20 @@ impl Eighths {
             far += (away + self.voxels) * (away + self.voxels);
         }
         let far = far.sqrt();
-        (near.sqrt() - DISTANCE_SLACK * far, far + DISTANCE_SLACK * far)
-    }
-
-    /// How far from a centre's column (`across` 0) or row (1) the cube around it may project, in focal lengths.
-    ///
-    /// For p' in the cube around p, x'/z' - x/z = ((x' - x) z - x (z' - z)) / (z' z). The numerator is linear in p', so
-    /// that each of the cube's axes adds its own absolute value; z' is at least z less half the cube's depth.
-    #[inline(always)]
-    fn spread(&self, across: usize, centre: [f32; 3]) -> f32 {
-        let (x, z) = (centre[across], centre[2]);
-        let reach: f32 = self.axes.iter().map(|axis| (axis[across] * z - x * axis[2]).abs()).sum();
-        self.projected * reach / ((z - self.depth) * z)
+        [near.sqrt() - DISTANCE_SLACK * far, far + DISTANCE_SLACK * far]
     }
 }
 
+/// The scalar product.
 #[inline(always)]
-fn dot(a: &[f32; 3], b: &[f32; 3]) -> f32 {
+pub fn dot(a: &[f32; 3], b: &[f32; 3]) -> f32 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 /// What the cull asks: the frame's view, the surfaces in its layers, and the rule that will read them.
-pub struct Scope<'a, R> {
+pub struct Scope<'a, R, P> {
     /// Where the camera is.
-    pub view: &'a View,
+    pub view: &'a View<P>,
     /// The layers.
     pub layers: &'a [SurfaceLayer],
     /// The update rule.
@@ -150,39 +136,29 @@ pub struct Scope<'a, R> {
     pub enabled: bool,
 }
 
-impl<R: Reads> Scope<'_, R> {
+impl<R: Reads, P: Projection> Scope<'_, R, P> {
     /// Classifies the eighths whose centres are given.
     #[inline(always)]
-    pub fn classify(&self, eighths: &Eighths, centres: &Points) -> [Class; 8] {
-        let view = self.view;
+    pub fn classify(&self, eighths: &Eighths<P>, centres: &Points) -> [Class; 8] {
+        let (projection, max_range) = (&self.view.projection, self.view.max_range);
         let [mut near, mut far, mut left, mut right, mut top, mut bottom] = [[0.0f32; 8]; 6];
-        let [mut in_front, mut in_sight, mut inside] = [[false; 8]; 3];
+        let [mut bounded, mut in_sight, mut inside] = [[false; 8]; 3];
         for i in 0..8 {
             let centre = centres.lane(i);
-            let [x, y, z] = centre;
-            (near[i], far[i]) = eighths.distances(centre);
-            let inverse = 1.0 / z;
-            let u = x * inverse * view.focal[0] + view.principal[0];
-            let v = y * inverse * view.focal[1] + view.principal[1];
-            let du = eighths.spread(0, centre) * view.focal[0] + PIXEL_SLACK;
-            let dv = eighths.spread(1, centre) * view.focal[1] + PIXEL_SLACK;
-            (left[i], right[i], top[i], bottom[i]) = (u - du, u + du, v - dv, v + dv);
-            // A cube that reaches behind the camera has no rectangle.
-            in_front[i] = z - eighths.depth > 1e-3;
-            in_sight[i] = (z > -eighths.depth) & (near[i] <= view.max_range);
-            inside[i] = in_front[i] & (far[i] <= view.max_range);
-            for (side, extent) in view.sides.iter().zip(&eighths.across_sides) {
-                let (within, reach) = (dot(side, &centre), extent + PIXEL_SLACK * far[i]);
-                in_sight[i] &= within + reach >= 0.0;
-                inside[i] &= within - reach >= 0.0;
-            }
+            [near[i], far[i]] = projection.ranges(eighths, centre);
+            let outline = projection.outline(eighths, centre, far[i]);
+            [left[i], right[i]] = outline.columns;
+            [top[i], bottom[i]] = outline.rows;
+            bounded[i] = outline.bounded;
+            in_sight[i] = outline.in_sight & (near[i] <= max_range);
+            inside[i] = outline.inside & (far[i] <= max_range);
         }
         let mut classes = [Class::Skip; 8];
         for i in 0..8 {
             if !in_sight[i] {
                 continue;
             }
-            classes[i] = if self.enabled && in_front[i] {
+            classes[i] = if self.enabled && bounded[i] {
                 self.compare(near[i], far[i], [left[i], top[i], right[i], bottom[i]], inside[i])
             } else {
                 Class::Mixed
@@ -195,7 +171,8 @@ impl<R: Reads> Scope<'_, R> {
     #[inline(always)]
     fn compare(&self, near: f32, far: f32, [left, top, right, bottom]: [f32; 4], inside: bool) -> Class {
         // Farther than max_range no voxel is asked, and the layers that would serve there are not made.
-        let read = self.rule.layers(near, far.min(self.view.max_range));
+        let apparent = |range| self.view.projection.apparent_distance(range);
+        let read = self.rule.layers(apparent(near), apparent(far.min(self.view.max_range)));
         if read.last - read.first >= MAX_LAYERS {
             return Class::Mixed;
         }
@@ -210,7 +187,13 @@ impl<R: Reads> Scope<'_, R> {
                 let last = (size - 1) as f32;
                 (texel(low * scale - 0.5, last), texel(high * scale - 0.5 + R::REACH, last))
             };
-            let bounds = layer.bounds(texels(left, right, layer.width), texels(top, bottom, layer.height));
+            let rows = texels(top, bottom, layer.height);
+            let bounds = if self.view.projection.wraps() {
+                let column = |u: f32| (u * scale - 0.5).floor() as i32;
+                layer.wrapped_bounds(column(left), column(right + R::REACH / scale), rows)
+            } else {
+                layer.bounds(texels(left, right, layer.width), rows)
+            };
             let has_holes = bounds.has_holes();
             gapless &= if read.fallback && read.first < read.last {
                 i == read.first || !(has_holes && previous_has_holes)
@@ -233,22 +216,23 @@ impl<R: Reads> Scope<'_, R> {
 /// The descent starts from so many cubes along the frustum, each of as many blocks as that takes.
 const ROOTS_ALONG_FRUSTUM: i32 = 3;
 
+/// The descent goes through at most so many sizes of cubes: enough for the longest range of a map, seen all around.
+const MAX_LEVELS: usize = 10;
+
 /// What the cull keeps from frame to frame, so that it need not be allocated again.
 #[derive(Default)]
 pub struct CullBuffers {
-    sizes: Vec<Eighths>,
     /// The cubes that the descent starts from, and what was found in each.
     roots: Vec<(BlockKey, Culled)>,
 }
 
 /// Sorts the blocks of the frustum into free and mixed ones; the others do not change.
-pub fn cull<R: Reads>(scope: &Scope<R>, buffers: &mut CullBuffers, culled: &mut Culled) {
+pub fn cull<R: Reads, P: Projection>(scope: &Scope<R, P>, buffers: &mut CullBuffers, culled: &mut Culled) {
     let (low, high) = frustum_blocks(scope.view);
     let extent = (0..3).map(|axis| high[axis] - low[axis] + 1).max().expect("three axes");
-    let levels = (extent / ROOTS_ALONG_FRUSTUM).max(2).ilog2();
-    let CullBuffers { sizes, roots } = buffers;
-    sizes.clear();
-    sizes.extend((1..=levels).map(|level| Eighths::new::<R>(scope.view, BLOCK_EDGE << level)));
+    let levels = ((extent / ROOTS_ALONG_FRUSTUM).max(2).ilog2() as usize).min(MAX_LEVELS);
+    let sizes: [_; MAX_LEVELS] = std::array::from_fn(|n| Eighths::new::<R>(scope.view, BLOCK_EDGE << (n + 1)));
+    let (sizes, roots) = (&sizes[..levels], &mut buffers.roots);
 
     let edge = 1 << levels;
     let along = |axis: usize| low[axis].div_euclid(edge)..=high[axis].div_euclid(edge);
@@ -280,7 +264,7 @@ impl Culled {
 }
 
 /// Classifies the eighths of a cube of `2^sizes.len()` blocks, and theirs where they are mixed.
-fn descend<R: Reads>(scope: &Scope<R>, sizes: &[Eighths], key: BlockKey, culled: &mut Culled) {
+fn descend<R: Reads, P: Projection>(scope: &Scope<R, P>, sizes: &[Eighths<P>], key: BlockKey, culled: &mut Culled) {
     let (eighths, smaller) = sizes.split_last().expect("a cube of two blocks' edge is the smallest that is split");
     let half = 1 << smaller.len();
     let centre = scope.view.to_camera(&scope.view.offset_of(key, 2 * half));
@@ -301,25 +285,9 @@ fn blocks_of([x, y, z]: BlockKey, edge: i32) -> impl Iterator<Item = BlockKey> {
     (0..edge).flat_map(move |i| (0..edge).flat_map(move |j| (0..edge).map(move |k| [x + i, y + j, z + k])))
 }
 
-/// First and last block, along each axis, that the view can reach: the box around the camera and its range's end.
-pub fn frustum_blocks(view: &View) -> (BlockKey, BlockKey) {
-    let mut low = view.pose.translation;
-    let mut high = low;
-    let range = f64::from(view.max_range);
-    // The pyramid of the four border rays, cut at z = max_range, holds every point within max_range.
-    for (u, v) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
-        let side = |axis: usize, end: i32| {
-            let border = if end == 0 { 0.0 } else { view.image[axis] };
-            f64::from((border - view.principal[axis]) / view.focal[axis])
-        };
-        let corner = view.pose.rotation * (Vector3::new(side(0, u), side(1, v), 1.0) * range) + view.pose.translation;
-        low = low.inf(&corner);
-        high = high.sup(&corner);
-    }
-    // Nothing farther than max_range from the camera along any axis is needed either.
-    let reach = Vector3::repeat(range);
-    low = low.sup(&(view.pose.translation - reach));
-    high = high.inf(&(view.pose.translation + reach));
+/// First and last block, along each axis, that the view can reach.
+pub fn frustum_blocks<P: Projection>(view: &View<P>) -> (BlockKey, BlockKey) {
+    let [low, high] = view.projection.reach(&view.pose, f64::from(view.max_range));
     let block = BLOCK_EDGE as f64 * view.voxel_size;
     // One voxel of slack: for rounding.
     let key = |p: Vector3<f64>, slack: f64| -> BlockKey {

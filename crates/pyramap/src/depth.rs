@@ -1,6 +1,7 @@
-//! Depth images as they come: z-depth per pixel, in the number type of the sensor.
+//! Images as they come: depth or range per pixel, in the number type of the sensor.
 
 use crate::error::{Error, Result};
+use crate::sensor::SensorModel;
 
 /// The pixels of a depth image, row by row.
 ///
@@ -20,12 +21,34 @@ pub enum Depth<'a> {
     },
 }
 
-/// A depth image and its size.
+/// What the pixels of an image measure.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Reading {
+    /// Depth along the camera's z axis. A spherical sensor has none: it means ranges.
+    #[default]
+    Depth,
+    /// Distance along the pixel's ray, as time-of-flight cameras and LiDARs give it.
+    Range,
+}
+
+impl Reading {
+    /// What an image of these is called.
+    pub(crate) fn image(self) -> &'static str {
+        match self {
+            Reading::Depth => "depth image",
+            Reading::Range => "range image",
+        }
+    }
+}
+
+/// A depth image, or one of ranges, and its size.
 #[derive(Clone, Copy, Debug)]
 pub struct DepthImage<'a> {
     pub(crate) depth: Depth<'a>,
     pub(crate) width: usize,
     pub(crate) height: usize,
+    pub(crate) reading: Reading,
+    pub(crate) sensor_model: Option<SensorModel>,
 }
 
 impl<'a> DepthImage<'a> {
@@ -34,6 +57,18 @@ impl<'a> DepthImage<'a> {
     /// # Errors
     /// [`Error::Parameter`] if the image is empty, the count is another, or the scale is not positive and finite.
     pub fn new(depth: Depth<'a>, width: usize, height: usize) -> Result<Self> {
+        Self::with_reading(depth, width, height, Reading::Depth)
+    }
+
+    /// An image of distances along the pixels' rays instead of depths.
+    ///
+    /// # Errors
+    /// As [`DepthImage::new`].
+    pub fn of_ranges(ranges: Depth<'a>, width: usize, height: usize) -> Result<Self> {
+        Self::with_reading(ranges, width, height, Reading::Range)
+    }
+
+    fn with_reading(depth: Depth<'a>, width: usize, height: usize, reading: Reading) -> Result<Self> {
         let pixels = match depth {
             Depth::F32(values) => values.len(),
             Depth::F64(values) => values.len(),
@@ -50,17 +85,34 @@ impl<'a> DepthImage<'a> {
         };
         if pixels == 0 || Some(pixels) != width.checked_mul(height) {
             return Err(Error::Parameter {
-                name: "depth image",
+                name: reading.image(),
                 got: format!("{pixels} pixels"),
                 expected: format!("height x width = {height} x {width} pixels, at least one"),
             });
         }
-        Ok(Self { depth, width, height })
+        Ok(Self { depth, width, height, reading, sensor_model: None })
+    }
+
+    /// The same image, fused with a model of its own instead of the map's: a map may be made with several sensors. The rule
+    /// [`Rays`](crate::update::UpdateRule::Rays) asks no model.
+    #[must_use]
+    pub fn with_sensor_model(self, model: SensorModel) -> Self {
+        Self { sensor_model: Some(model), ..self }
+    }
+
+    /// The model that the image is fused with, if not the map's.
+    pub fn sensor_model(&self) -> Option<SensorModel> {
+        self.sensor_model
     }
 
     /// The pixels.
     pub fn depth(&self) -> Depth<'a> {
         self.depth
+    }
+
+    /// What the pixels measure.
+    pub fn reading(&self) -> Reading {
+        self.reading
     }
 
     /// Columns.

@@ -39,9 +39,11 @@ pub enum Error {
         /// What it may be.
         expected: String,
     },
-    /// A depth image that does not fit its camera.
-    #[error("depth image is {got_height} x {got_width} (height x width), expected the camera's {height} x {width}")]
+    /// An image that does not fit its sensor.
+    #[error("{image} is {got_height} x {got_width} (height x width), expected the camera's {height} x {width}")]
     ImageSize {
+        /// What kind of image.
+        image: &'static str,
         /// Columns of the image.
         got_width: usize,
         /// Rows of the image.

@@ -2,7 +2,6 @@
 
 use crate::backend::{Backend, Committed, Seen};
 use crate::block::{BLOCK_EDGE, BLOCK_VOXELS, Block, BlockData, BlockKey, Blocks};
-use crate::camera::PinholeCamera;
 use crate::commit::{Changes, Commit, CommitBuffers, set_uniform};
 use crate::config::GridConfig;
 use crate::cpu::CpuBackend;
@@ -14,6 +13,7 @@ use crate::log_odds;
 use crate::pose::Pose;
 use crate::ranges;
 use crate::sensor::SensorTable;
+use crate::sensors::Sensor;
 use crate::stats::{FrameStats, Stopwatch, Submitted};
 use crate::update::free_increment;
 
@@ -100,14 +100,14 @@ impl OccupancyGrid {
         })
     }
 
-    /// Fuses a depth image taken at a pose (`world_from_camera`): whole, or not at all.
+    /// Fuses the image that a sensor took at a pose (`world_from_camera`): whole, or not at all.
     ///
     /// # Errors
-    /// If image and camera differ in size, no pixel says anything, the pose is out of bounds, the map is full, or the
+    /// If image and sensor differ in size, no pixel says anything, the pose is out of bounds, the map is full, or the
     /// device fails.
-    pub fn integrate(&mut self, image: &DepthImage, camera: &PinholeCamera, pose: &Pose) -> Result<FrameStats> {
+    pub fn integrate(&mut self, image: &DepthImage, sensor: impl Into<Sensor>, pose: &Pose) -> Result<FrameStats> {
         self.synchronize()?;
-        self.fuse(image, camera, pose, 1)
+        self.fuse(image, &sensor.into(), pose, 1)
     }
 
     /// Takes a frame back, exactly: the map is then as if it had never been fused.
@@ -115,10 +115,10 @@ impl OccupancyGrid {
     /// # Errors
     /// As [`OccupancyGrid::integrate`]; and [`Error::Unsupported`] if the map is clamped or saturated, or was
     /// decayed, cleared or cropped, since evidence was lost then.
-    pub fn remove(&mut self, image: &DepthImage, camera: &PinholeCamera, pose: &Pose) -> Result<FrameStats> {
+    pub fn remove(&mut self, image: &DepthImage, sensor: impl Into<Sensor>, pose: &Pose) -> Result<FrameStats> {
         self.synchronize()?;
         self.check_exact("remove")?;
-        self.fuse(image, camera, pose, -1)
+        self.fuse(image, &sensor.into(), pose, -1)
     }
 
     /// Refuses what is only right as long as the map holds all evidence of its frames.
@@ -140,8 +140,8 @@ impl OccupancyGrid {
     /// # Errors
     /// As [`OccupancyGrid::integrate`]. If it is an earlier frame that could not be fused, this one is not fused either,
     /// and may be submitted again.
-    pub fn submit(&mut self, image: &DepthImage, camera: &PinholeCamera, pose: &Pose) -> Result<Submitted> {
-        let mut frame = self.begin(image, camera, pose, 1)?;
+    pub fn submit(&mut self, image: &DepthImage, sensor: impl Into<Sensor>, pose: &Pose) -> Result<Submitted> {
+        let mut frame = self.begin(image, &sensor.into(), pose, 1)?;
         let submitted = Submitted::default();
         frame.submitted = Some(submitted.clone());
         if !self.backend.pipelined() {
@@ -172,15 +172,15 @@ impl OccupancyGrid {
     }
 
     /// The first half of a frame: the stages that change nothing.
-    fn begin(&mut self, image: &DepthImage, camera: &PinholeCamera, pose: &Pose, sign: i32) -> Result<Frame> {
+    fn begin(&mut self, image: &DepthImage, sensor: &Sensor, pose: &Pose, sign: i32) -> Result<Frame> {
         self.check_position(pose)?;
-        ranges::check(image, camera, self.config.max_range, self.config.beyond_max_range)?;
-        self.backend.see(&self.config, image, camera, pose)?;
+        ranges::check(image, sensor, self.config.max_range, self.config.beyond_max_range)?;
+        self.backend.see(&self.config, image, sensor, pose)?;
         Ok(Frame { sign, stats: FrameStats::default(), submitted: None })
     }
 
-    fn fuse(&mut self, image: &DepthImage, camera: &PinholeCamera, pose: &Pose, sign: i32) -> Result<FrameStats> {
-        let frame = self.begin(image, camera, pose, sign)?;
+    fn fuse(&mut self, image: &DepthImage, sensor: &Sensor, pose: &Pose, sign: i32) -> Result<FrameStats> {
+        let frame = self.begin(image, sensor, pose, sign)?;
         self.finish(frame)
     }
 

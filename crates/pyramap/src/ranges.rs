@@ -1,8 +1,8 @@
-//! Stage 1, ranges (Eq. 6): Euclidean distances out of z-depths.
+//! Stage 1, ranges (Eq. 6): distances along the pixels' rays, out of depths unless they were measured.
 
-use crate::camera::PinholeCamera;
-use crate::depth::{Depth, DepthImage};
+use crate::depth::{Depth, DepthImage, Reading};
 use crate::error::{Error, Result};
+use crate::sensors::Sensor;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -26,7 +26,7 @@ impl BeyondMaxRange {
     }
 }
 
-/// The measurements `M(u, v)`: distance from the camera centre, metres; `0` no reading, `+inf` no return.
+/// The measurements `M(u, v)`: distance along the pixel's ray, metres; `0` no reading, `+inf` no return.
 #[derive(Clone, Debug, Default)]
 pub struct Ranges {
     /// Columns.
@@ -35,9 +35,9 @@ pub struct Ranges {
     pub height: usize,
     /// Row by row.
     pub values: Vec<f32>,
-    /// `|K^-1 [u v 1]|` for each pixel of `camera`, kept from frame to frame.
-    range_per_depth: Vec<f32>,
-    camera: Option<PinholeCamera>,
+    /// The distance for each metre that a pixel reads, kept from frame to frame.
+    range_per_reading: Vec<f32>,
+    made_for: Option<(Sensor, Reading)>,
 }
 
 impl Ranges {
@@ -53,22 +53,22 @@ impl Ranges {
     /// Computes the measurements of a depth image into this buffer.
     ///
     /// # Errors
-    /// [`Error::ImageSize`] if image and camera differ; [`Error::Parameter`] if no pixel says anything.
+    /// [`Error::ImageSize`] if image and sensor differ; [`Error::Parameter`] if no pixel says anything.
     pub fn compute(
         &mut self,
         image: &DepthImage,
-        camera: &PinholeCamera,
+        sensor: &Sensor,
         max_range: f64,
         beyond: BeyondMaxRange,
     ) -> Result<()> {
-        check(image, camera, max_range, beyond)?;
-        self.fit(camera);
+        check(image, sensor, max_range, beyond)?;
+        self.fit(sensor, image.reading);
         let measured = |depth, per_depth| range(depth, per_depth, max_range as f32, beyond.value());
         let width = self.width;
-        let rows = self.values.par_chunks_mut(width).zip(self.range_per_depth.par_chunks(width)).enumerate();
-        rows.with_min_len(16).for_each(|(row, (out, range_per_depth))| {
+        let rows = self.values.par_chunks_mut(width).zip(self.range_per_reading.par_chunks(width)).enumerate();
+        rows.with_min_len(16).for_each(|(row, (out, range_per_reading))| {
             let pixels = row * width..(row + 1) * width;
-            let lanes = out.iter_mut().zip(range_per_depth);
+            let lanes = out.iter_mut().zip(range_per_reading);
             match image.depth {
                 Depth::F32(values) => {
                     lanes.zip(&values[pixels]).for_each(|((out, &per), &depth)| *out = measured(depth, per));
@@ -83,26 +83,40 @@ impl Ranges {
                 }
             }
         });
+        self.align_rows(sensor);
         Ok(())
     }
 
-    /// Sizes the buffers to a camera; computes its distances per depth unless it is the last frame's.
-    fn fit(&mut self, camera: &PinholeCamera) {
-        if self.camera.as_ref() == Some(camera) {
+    /// Sizes the buffers to a sensor; computes its distances per reading unless it is the last frame's.
+    fn fit(&mut self, sensor: &Sensor, reading: Reading) {
+        if self.made_for.as_ref().is_some_and(|(known, of)| known == sensor && *of == reading) {
             return;
         }
-        (self.width, self.height) = (camera.width, camera.height);
-        self.values.resize(camera.width * camera.height, 0.0);
-        self.range_per_depth.clear();
-        self.range_per_depth.extend(range_per_depth(camera));
-        self.camera = Some(*camera);
+        (self.width, self.height) = (sensor.width(), sensor.height());
+        self.values.resize(self.width * self.height, 0.0);
+        self.range_per_reading.clear();
+        self.range_per_reading.extend(range_per_reading(sensor, reading));
+        self.made_for = Some((sensor.clone(), reading));
+    }
+
+    /// Moves rows that look further than their columns' azimuths to the columns to which they look.
+    fn align_rows(&mut self, sensor: &Sensor) {
+        let Sensor::Spherical(sensor) = sensor else { return };
+        let width = self.width;
+        self.values.par_chunks_mut(width).enumerate().for_each(|(row, values)| {
+            let (columns, _) = sensor.shift(row);
+            values.rotate_right(columns.rem_euclid(width as isize) as usize);
+        });
     }
 }
 
-/// `|K^-1 [u v 1]|` for each pixel of a camera, row by row.
-pub fn range_per_depth(camera: &PinholeCamera) -> impl Iterator<Item = f32> {
-    let row = move |v| (0..camera.width).map(move |u| camera.range_per_depth(u as f64, v as f64) as f32);
-    (0..camera.height).flat_map(row)
+/// How far the surface lies along the ray for each metre that a pixel reads, row by row.
+pub fn range_per_reading(sensor: &Sensor, reading: Reading) -> impl Iterator<Item = f32> {
+    let pixel = move |u, v| match reading {
+        Reading::Depth => sensor.range_per_depth(u, v),
+        Reading::Range => 1.0,
+    };
+    (0..sensor.height()).flat_map(move |v| (0..sensor.width()).map(move |u| pixel(u, v)))
 }
 
 /// What a pixel measures (Eq. 6), with `beyond` for what lies beyond the range of the map.
@@ -117,21 +131,21 @@ fn range(depth: f32, range_per_depth: f32, max_range: f32, beyond: f32) -> f32 {
 ///
 /// # Errors
 /// [`Error::ImageSize`] if image and camera differ; [`Error::Parameter`] if no pixel says anything.
-pub fn check(image: &DepthImage, camera: &PinholeCamera, max_range: f64, beyond: BeyondMaxRange) -> Result<()> {
-    if (image.width, image.height) != (camera.width, camera.height) {
+pub fn check(image: &DepthImage, sensor: &Sensor, max_range: f64, beyond: BeyondMaxRange) -> Result<()> {
+    if (image.width, image.height) != (sensor.width(), sensor.height()) {
         return Err(Error::ImageSize {
+            image: image.reading.image(),
             got_width: image.width,
             got_height: image.height,
-            width: camera.width,
-            height: camera.height,
+            width: sensor.width(),
+            height: sensor.height(),
         });
     }
     let pixels = image.width * image.height;
-    let says_something =
-        |(pixel, per)| range(image.depth.metres(pixel), per, max_range as f32, beyond.value()) > 0.0;
-    if !range_per_depth(camera).enumerate().any(says_something) {
+    let says_something = |(pixel, per)| range(image.depth.metres(pixel), per, max_range as f32, beyond.value()) > 0.0;
+    if !range_per_reading(sensor, image.reading).enumerate().any(says_something) {
         return Err(Error::Parameter {
-            name: "depth image",
+            name: image.reading.image(),
             got: format!("{pixels} pixels without a reading"),
             expected: "at least one reading that is neither 0, negative nor NaN".into(),
         });
@@ -142,11 +156,12 @@ pub fn check(image: &DepthImage, camera: &PinholeCamera, max_range: f64, beyond:
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::camera::PinholeCamera;
 
     fn ranges(depth: &[f32], beyond: BeyondMaxRange) -> Result<Vec<f32>> {
         let camera = PinholeCamera::new(depth.len(), 1, 1.0, 1.0, 0.0, 0.0)?;
         let mut ranges = Ranges::default();
-        ranges.compute(&DepthImage::new(Depth::F32(depth), depth.len(), 1)?, &camera, 5.0, beyond)?;
+        ranges.compute(&DepthImage::new(Depth::F32(depth), depth.len(), 1)?, &Sensor::from(&camera), 5.0, beyond)?;
         Ok(ranges.values)
     }
 
@@ -166,7 +181,7 @@ mod tests {
 
     #[test]
     fn every_number_type_gives_the_same() {
-        let camera = PinholeCamera::new(3, 2, 2.0, 3.0, 1.0, 0.5).unwrap();
+        let camera = Sensor::from(&PinholeCamera::new(3, 2, 2.0, 3.0, 1.0, 0.5).unwrap());
         let raw = [1000, 2000, 0, 500, 4000, 1];
         let metres = raw.map(|v: u16| f32::from(v) / 1000.0);
         let double = raw.map(|v: u16| f64::from(v) / 1000.0);

@@ -167,6 +167,21 @@ impl SurfaceLayer {
         bounds
     }
 
+    /// The same in an image whose last column's neighbour is the first, for columns `left..=right`, which may be beyond
+    /// the border on one side.
+    #[inline(always)]
+    pub fn wrapped_bounds(&self, left: i32, right: i32, rows: (u32, u32)) -> Bounds {
+        let (width, last) = (self.width as i32, self.width as i32 - 1);
+        let columns = |low: i32, high: i32| self.bounds((low.clamp(0, last) as u32, high.clamp(0, last) as u32), rows);
+        if left < 0 {
+            columns(0, right).union(columns(left + width, last))
+        } else if right > last {
+            columns(left, last).union(columns(0, right - width))
+        } else {
+            columns(left, right)
+        }
+    }
+
     fn everywhere(&self) -> Bounds {
         let coarsest = self.windows.last().expect("there is a window of two texels");
         coarsest.bounds.iter().fold(Bounds::NONE, |all, &window| all.union(window))

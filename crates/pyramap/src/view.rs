@@ -1,11 +1,11 @@
-//! One frame's camera as the stages need it: where blocks and voxels lie in the camera's frame, and in its image.
+//! One frame's sensor as the stages need it: where blocks and voxels lie in the sensor's frame, and in its image.
 //!
 //! Block positions are taken into the camera's frame in `f64`, so that a map far from the world's origin is as exact as
 //! one around it; what is added within a block is small, and `f32`.
 
 use crate::block::{BLOCK_EDGE, BlockKey};
-use crate::camera::PinholeCamera;
 use crate::pose::Pose;
+use crate::sensors::Projection;
 use nalgebra::Vector3;
 
 /// Values of eight voxels, or of eight corners.
@@ -22,49 +22,26 @@ pub struct Points {
     pub z: Lanes,
 }
 
-/// Camera, pose, voxel size and range of one frame.
+/// Sensor, pose, voxel size and range of one frame.
 #[derive(Clone, Debug)]
-pub struct View {
-    /// The camera's pose in the world.
+pub struct View<P> {
+    /// How the sensor sees.
+    pub projection: P,
+    /// The sensor's pose in the world.
     pub pose: Pose,
     /// Edge of a voxel, metres.
     pub voxel_size: f64,
-    /// Farthest distance that is mapped, metres.
+    /// Farthest range that is mapped, metres.
     pub max_range: f32,
-    /// Columns and rows of the image.
-    pub image: [f32; 2],
-    /// Focal lengths.
-    pub focal: [f32; 2],
-    /// The principal point, counted from the image's border: half a pixel more than from the first pixel's centre.
-    pub principal: [f32; 2],
-    /// The sides of the frustum, left, right, top, bottom: a point in front of the camera is in the image where its
-    /// products with all four are positive. They grow by one for each pixel into the image at one metre.
-    pub sides: [[f32; 3]; 4],
     /// The distance at which a voxel is one pixel wide (Eq. 11).
     pub t_0: f64,
 }
 
-impl View {
+impl<P: Projection> View<P> {
     /// Gathers what the stages need to know of a frame.
-    pub fn new(camera: &PinholeCamera, pose: &Pose, voxel_size: f64, max_range: f64) -> Self {
-        let image = [camera.width as f32, camera.height as f32];
-        let focal = [camera.fx as f32, camera.fy as f32];
-        let principal = [(camera.cx + 0.5) as f32, (camera.cy + 0.5) as f32];
-        Self {
-            pose: *pose,
-            voxel_size,
-            max_range: max_range as f32,
-            image,
-            focal,
-            principal,
-            sides: [
-                [focal[0], 0.0, principal[0]],
-                [-focal[0], 0.0, image[0] - principal[0]],
-                [0.0, focal[1], principal[1]],
-                [0.0, -focal[1], image[1] - principal[1]],
-            ],
-            t_0: camera.focal_length() * voxel_size,
-        }
+    pub fn new(projection: P, pose: &Pose, voxel_size: f64, max_range: f64) -> Self {
+        let t_0 = projection.focal_length() * voxel_size;
+        Self { projection, pose: *pose, voxel_size, max_range: max_range as f32, t_0 }
     }
 
     /// The centre of a cube of `edge` blocks whose first block is `key`, relative to the camera, along the world's axes.

@@ -8,10 +8,9 @@ fn log_odds(point: vec3<f32>, pixel: vec2<f32>, range: f32) -> Told {
     for (var n = 0u; n < 8u; n++) {
         let sample = point + frame.samples[n].xyz;
         // Points of a voxel in sight may lie outside the image, and are read at its border, or behind the camera.
-        let inverse = 1.0 / sample.z;
-        let at = sample.xy * inverse * frame.focal + frame.principal;
-        let surface = surfaces[texel(at.y, last.y) * size.width + texel(at.x, last.x)];
-        let valid = select(0.0, 1.0, distance_of(surface) > HOLE && inverse > 0.0);
+        let at = project(sample);
+        let surface = surfaces[texel(at.pixel.y, last.y) * size.width + texel(at.pixel.x, last.x)];
+        let valid = select(0.0, 1.0, distance_of(surface) > HOLE && at.in_front);
         sum += valid * surface_log_odds(range, surface);
         count += valid;
     }

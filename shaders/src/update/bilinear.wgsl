@@ -1,5 +1,5 @@
 /// Bilinear interpolation of log-odds in one layer (Eq. 15, 16) over the texels that have a reading. Texel centres lie at
-/// half-integer pixels; texels beyond the border are those at the border.
+/// half-integer pixels; texels beyond the border are those at the border, or, where the image wraps, those at the other end.
 fn bilinear(layer: u32, pixel: vec2<f32>, range: f32) -> Told {
     let size = frame.halved[layer];
     let last = vec2(f32(size.width - 1u), f32(size.height - 1u));
@@ -7,7 +7,9 @@ fn bilinear(layer: u32, pixel: vec2<f32>, range: f32) -> Told {
     let low = floor(x);
     let high_weight = x - low;
     let low_weight = 1.0 - high_weight;
-    let columns = vec2(texel(low.x, last.x), texel(low.x + 1.0, last.x));
+    let left = select(low.x, last.x, wraps() && low.x < 0.0);
+    let right = select(low.x + 1.0, 0.0, wraps() && low.x >= last.x);
+    let columns = vec2(texel(left, last.x), texel(right, last.x));
     let upper = size.texels + texel(low.y, last.y) * size.width;
     let lower = size.texels + texel(low.y + 1.0, last.y) * size.width;
 

@@ -1,11 +1,13 @@
 //! What the stages must know of a frame but its pixels, as the shaders want it.
 
+use super::sensors::Described;
 use nalgebra::Vector3;
 use pyramap::block::{BLOCK_EDGE, BlockKey};
 use pyramap::config::GridConfig;
 use pyramap::cull::{Eighths, Reads, frustum_blocks};
-use pyramap::pyramid::{Selection, num_layers};
+use pyramap::pyramid::Selection;
 use pyramap::sensor::{SensorModel, SensorTable, SurfaceOffset};
+use pyramap::sensors::Projection;
 use pyramap::update::area::Area;
 use pyramap::update::min_layer::MinLayer;
 use pyramap::update::pyramid::Pyramid;
@@ -84,7 +86,7 @@ impl Layers {
     }
 }
 
-/// What a map gives to all its frames.
+/// What a sensor model gives to all its frames.
 pub struct Model {
     /// The sensor model's table.
     pub table: SensorTable,
@@ -92,9 +94,9 @@ pub struct Model {
 }
 
 impl Model {
-    /// Tabulates a map's sensor model.
-    pub fn new(config: &GridConfig) -> Self {
-        Self { table: SensorTable::new(&config.sensor_model), model: config.sensor_model }
+    /// Tabulates a sensor model.
+    pub fn new(model: &SensorModel) -> Self {
+        Self { table: SensorTable::new(model), model: *model }
     }
 
     /// Fills in what all frames have in common.
@@ -115,13 +117,20 @@ impl Model {
 }
 
 /// The layers that a rule reads of a view.
-pub fn layers(config: &GridConfig, view: &View, width: usize, height: usize) -> Layers {
-    Layers::new(width, height, config.update.layers(view, num_layers(width, height)))
+pub fn layers<P: Projection>(config: &GridConfig, view: &View<P>) -> Layers {
+    let [width, height] = view.projection.image().map(|side| side as usize);
+    Layers::new(width, height, config.update.layers(view, view.projection.num_layers()))
 }
 
 /// Describes a frame to the shaders, but for the room in its buffers. Returns the first block of the box around the
 /// frustum as well, from which blocks are counted.
-pub fn frame(config: &GridConfig, model: &Model, view: &View, layers: &Layers, depth: &Depth) -> (Frame, BlockKey) {
+pub fn frame<P: Described>(
+    config: &GridConfig,
+    model: &Model,
+    view: &View<P>,
+    layers: &Layers,
+    depth: &Depth,
+) -> (Frame, BlockKey) {
     let (low, high) = frustum_blocks(view);
     let blocks: [u32; 3] = std::array::from_fn(|axis| (high[axis] - low[axis] + 1) as u32);
     let mut frame = Frame {
@@ -130,10 +139,7 @@ pub fn frame(config: &GridConfig, model: &Model, view: &View, layers: &Layers, d
         blocks: [blocks[0], blocks[1], blocks[2], 0],
         parts: layers.parts,
         axes: [0, 1, 2].map(|k| four(view.to_camera(&Vector3::ith(k, 1.0)))),
-        sides: view.sides.map(four),
-        focal: view.focal,
-        principal: view.principal,
-        image: view.image,
+        image: view.projection.image(),
         max_range: view.max_range,
         t_0: view.t_0 as f32,
         beyond: match config.beyond_max_range {
@@ -148,17 +154,18 @@ pub fn frame(config: &GridConfig, model: &Model, view: &View, layers: &Layers, d
         cull: u32::from(config.cull),
         ..Frame::default()
     };
-    if config.update.selection() == Selection::Nearest {
+    if config.update.selection::<P>() == Selection::Nearest {
         for i in 0..layers.made.1 {
             frame.t[(i + 1) / 4][(i + 1) % 4] = (view.t_0 / f64::from(1u32 << i)) as f32;
         }
     }
     model.describe(&mut frame);
+    view.projection.describe(&mut frame);
     place_blocks(&mut frame, view, low, blocks);
     match config.update {
-        UpdateRule::MinLayer => place_cubes::<MinLayer>(&mut frame, view),
-        UpdateRule::Area => place_cubes::<Area>(&mut frame, view),
-        _ => place_cubes::<Pyramid>(&mut frame, view),
+        UpdateRule::MinLayer => place_cubes::<MinLayer, P>(&mut frame, view),
+        UpdateRule::Area => place_cubes::<Area, P>(&mut frame, view),
+        _ => place_cubes::<Pyramid, P>(&mut frame, view),
     }
     frame.samples = all(&Area::new(view).samples);
     (frame, low)
@@ -166,7 +173,7 @@ pub fn frame(config: &GridConfig, model: &Model, view: &View, layers: &Layers, d
 
 /// Where the box's first block lies, and the way from block to block. Each is split in two: upper parts that are
 /// multiples of one power of two, so large that all sums of multiples of them fit in an `f32`, and what remains.
-fn place_blocks(frame: &mut Frame, view: &View, low: BlockKey, blocks: [u32; 3]) {
+fn place_blocks<P: Projection>(frame: &mut Frame, view: &View<P>, low: BlockKey, blocks: [u32; 3]) {
     let to_camera = |v: Vector3<f64>| view.pose.rotation.transpose() * v;
     let origin = to_camera(view.offset_of(low, 1));
     let steps = [0, 1, 2].map(|k| to_camera(Vector3::ith(k, BLOCK_EDGE as f64 * view.voxel_size)));
@@ -184,14 +191,12 @@ fn place_blocks(frame: &mut Frame, view: &View, low: BlockKey, blocks: [u32; 3])
 }
 
 /// The cubes that are classified, and the voxels in them.
-fn place_cubes<R: Reads>(frame: &mut Frame, view: &View) {
+fn place_cubes<R: Reads, P: Described>(frame: &mut Frame, view: &View<P>) {
     let eighths = |edge| Eighths::new::<R>(view, edge);
-    let cube = |eighths: &Eighths| Cube {
-        across_sides: eighths.across_sides,
-        voxels: eighths.voxels,
-        projected: eighths.projected,
-        depth: eighths.depth,
-        ..Cube::default()
+    let cube = |eighths: &Eighths<P>| {
+        let mut cube = Cube { voxels: eighths.voxels, projected: eighths.projected, ..Cube::default() };
+        P::describe_cube(&eighths.size, &mut cube);
+        cube
     };
     let pairs = eighths(BLOCK_EDGE / 2);
     frame.block = cube(&eighths(2 * BLOCK_EDGE));

@@ -1,6 +1,7 @@
 //! One frame on the device: its pixels, what is found in it, and the way there and back.
 
-use super::stages::{ARGUMENTS_BYTES, Buffers, Stages, TIMED, Variant};
+use super::recent::RECENT;
+use super::stages::{ARGUMENTS_BYTES, Buffers, Lens, Stages, TIMED, Variant};
 use crate::gpu::Gpu;
 use crate::pool::BLOCK_BYTES;
 use crate::timestamps::Timestamps;
@@ -63,9 +64,10 @@ pub struct Shot {
     pub low: BlockKey,
     /// Host seconds that it took to send the frame.
     pub upload: f64,
+    /// The stages of the last frames' sensors, those of the frame first.
+    pub stages: Vec<Stages>,
     room: Room,
     staging: Buffer,
-    stages: Option<Stages>,
     variant: Option<Variant>,
     submission: Option<SubmissionIndex>,
 }
@@ -75,7 +77,7 @@ impl Shot {
     ///
     /// # Errors
     /// As [`Gpu::buffer`].
-    pub fn new(gpu: &Gpu, table: &Buffer, room: Room) -> Result<Self> {
+    pub fn new(gpu: &Gpu, room: Room) -> Result<Self> {
         let nothing = gpu.buffer("nothing yet", 0, BufferUsages::STORAGE)?;
         let frame = gpu.buffer("a frame", size_of::<Frame>() as u64, BufferUsages::UNIFORM | BufferUsages::COPY_DST)?;
         let again = || nothing.clone();
@@ -83,11 +85,11 @@ impl Shot {
             buffers: Buffers {
                 frame,
                 depth: again(),
-                range_per_depth: again(),
+                lens: Lens { range_per_depth: again(), rows: None },
                 scratch: again(),
                 surfaces: again(),
                 bounds: again(),
-                table: table.clone(),
+                table: again(),
                 results: again(),
                 arguments: again(),
                 pages: Vec::new(),
@@ -98,7 +100,7 @@ impl Shot {
             upload: 0.0,
             room,
             staging: again(),
-            stages: None,
+            stages: Vec::new(),
             variant: None,
             submission: None,
         };
@@ -141,8 +143,12 @@ impl Shot {
     /// # Errors
     /// As [`Stages::new`], [`Gpu::submit`].
     pub fn begin(&mut self, gpu: &Gpu, variant: Variant, clock: Option<&Timestamps>) -> Result<()> {
-        if !self.stages.as_ref().is_some_and(|stages| stages.fit(&variant, &self.buffers)) {
-            self.stages = Some(Stages::new(gpu, variant.clone(), self.buffers.clone())?);
+        if let Some(known) = self.stages.iter().position(|stages| stages.fit(&variant, &self.buffers)) {
+            self.stages[..=known].rotate_right(1);
+        } else {
+            self.stages.retain(|stages| stages.in_use(&self.buffers));
+            self.stages.truncate(RECENT - 1);
+            self.stages.insert(0, Stages::new(gpu, variant.clone(), self.buffers.clone())?);
         }
         self.variant = Some(variant);
         let Self { buffers, room, frame, .. } = self;
@@ -151,7 +157,7 @@ impl Shot {
         gpu.write(&buffers.frame, 0, bytemuck::bytes_of(frame))?;
         let mut encoder = gpu.encoder("a frame")?;
         encoder.clear_buffer(&buffers.results, 0, Some(4 * RESULT_COUNTS as u64));
-        self.stages.as_ref().expect("just made").record(&mut encoder, frame, clock);
+        self.stages[0].record(&mut encoder, frame, clock);
         let bytes = 4 * room.words() as u64;
         encoder.copy_buffer_to_buffer(&buffers.results, 0, &self.staging, 0, bytes);
         if let Some(clock) = clock {

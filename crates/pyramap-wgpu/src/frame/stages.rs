@@ -1,5 +1,5 @@
-//! The kernels of a frame in their order, each bound to its buffers: put together once, and again only when the camera or
-//! a buffer is another.
+//! The kernels of a frame in their order, each bound to its buffers: put together once, and again only when the sensor
+//! or a buffer is another.
 
 use super::params::Layers;
 use crate::gpu::Gpu;
@@ -8,7 +8,7 @@ use pyramap::error::{Error, Result};
 use pyramap::update::UpdateRule;
 use pyramap_shaders::layout::{Frame, HALVED};
 use pyramap_shaders::{
-    self as shaders, ARGUMENTS_GROUP, CULL_GROUP, Format, Kernel, LAYER_GROUP, Sigma, Slot, TILE_LAYERS,
+    self as shaders, ARGUMENTS_GROUP, CULL_GROUP, Format, Kernel, LAYER_GROUP, SensorKind, Sigma, Slot, TILE_LAYERS,
 };
 use wgpu::{BindGroup, Buffer, CommandEncoder, ComputePassDescriptor, ComputePipeline};
 
@@ -47,7 +47,9 @@ pub struct Stages {
 pub struct Variant {
     /// The rule of the map.
     pub rule: UpdateRule,
-    /// Its sensor model's sigma.
+    /// How the frame's sensor projects.
+    pub sensor: SensorKind,
+    /// Sigma of the frame's sensor model.
     pub sigma: Sigma,
     /// How depth is stored.
     pub format: Format,
@@ -62,15 +64,15 @@ pub struct Buffers {
     pub frame: Buffer,
     /// [`Slot::Depth`].
     pub depth: Buffer,
-    /// [`Slot::RangePerDepth`].
-    pub range_per_depth: Buffer,
+    /// What depends on the sensor only.
+    pub lens: Lens,
     /// [`Slot::Scratch`].
     pub scratch: Buffer,
     /// [`Slot::Surfaces`].
     pub surfaces: Buffer,
     /// [`Slot::Bounds`].
     pub bounds: Buffer,
-    /// [`Slot::Table`].
+    /// What depends on the sensor model only, [`Slot::Table`].
     pub table: Buffer,
     /// [`Slot::Results`].
     pub results: Buffer,
@@ -82,16 +84,31 @@ pub struct Buffers {
     pub increments: Vec<Buffer>,
 }
 
+/// What a sensor gives to all its frames.
+#[derive(Clone, PartialEq)]
+pub struct Lens {
+    /// [`Slot::RangePerDepth`].
+    pub range_per_depth: Buffer,
+    /// [`Slot::Rows`], if its kernels ask for them.
+    pub rows: Option<Buffer>,
+}
+
 impl Buffers {
+    /// Whether these are still the buffers of frames of some sensor.
+    fn in_use(&self, now: &Self) -> bool {
+        *self == Self { lens: self.lens.clone(), table: self.table.clone(), ..now.clone() }
+    }
+
     fn bound_to(&self, slot: Slot, page: usize) -> &Buffer {
         match slot {
             Slot::Frame => &self.frame,
             Slot::Depth => &self.depth,
-            Slot::RangePerDepth => &self.range_per_depth,
+            Slot::RangePerDepth => &self.lens.range_per_depth,
             Slot::Scratch => &self.scratch,
             Slot::Surfaces => &self.surfaces,
             Slot::Bounds => &self.bounds,
             Slot::Table => &self.table,
+            Slot::Rows => self.lens.rows.as_ref().expect("the lens of a spherical sensor has rows"),
             Slot::Results => &self.results,
             Slot::Arguments => &self.arguments,
             Slot::Page => &self.pages[page],
@@ -107,7 +124,7 @@ impl Stages {
     /// # Errors
     /// [`Error::Unsupported`] for the rules `ideal` and `rays`; as [`Gpu::attempt`].
     pub fn new(gpu: &Gpu, variant: Variant, buffers: Buffers) -> Result<Self> {
-        let Variant { rule, sigma, format, ref layers } = variant;
+        let Variant { rule, sensor, sigma, format, ref layers } = variant;
         let (first, count) = layers.made;
         // An invocation for each pixel of the image halved `i` times, for so many layers.
         let over = |i: usize, many: usize| {
@@ -134,10 +151,10 @@ impl Stages {
             let bounded = (first..count).take_while(|&i| layers.coarsest_bounds(i) > finer).count();
             add(1, &shaders::bounds(sigma, finer), 0, over(first + finer + TILE_LAYERS, bounded))?;
         }
-        add(2, &shaders::cull(rule).ok_or_else(|| not_here(rule))?, 0, Workgroups::Blocks)?;
+        add(2, &shaders::cull(rule, sensor).ok_or_else(|| not_here(rule))?, 0, Workgroups::Blocks)?;
         let pages = buffers.pages.len();
         add(2, &shaders::arguments(), 0, Workgroups::Fixed([pages.div_ceil(ARGUMENTS_GROUP) as u32, 1, 1]))?;
-        let update = shaders::update(rule, sigma).ok_or_else(|| not_here(rule))?;
+        let update = shaders::update(rule, sigma, sensor).ok_or_else(|| not_here(rule))?;
         for page in 0..pages {
             add(3, &update, page, Workgroups::Page((page * ARGUMENTS_BYTES) as u64))?;
         }
@@ -147,6 +164,11 @@ impl Stages {
     /// Whether they were put together for this.
     pub fn fit(&self, variant: &Variant, buffers: &Buffers) -> bool {
         self.variant == *variant && self.buffers == *buffers
+    }
+
+    /// Whether they may fit a later frame, now that these are the buffers.
+    pub fn in_use(&self, buffers: &Buffers) -> bool {
+        self.buffers.in_use(buffers)
     }
 
     /// Records them.

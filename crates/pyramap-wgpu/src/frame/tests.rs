@@ -5,20 +5,22 @@
 
 mod frames;
 mod layers;
+mod sensors;
 
 use super::*;
 use crate::testing::{download, gpu};
 use pyramap::block::BlockData;
 use pyramap::cull::{CullBuffers, Culled, Scope, cull};
-use pyramap::pyramid::{Pyramid as Layers, num_layers};
+use pyramap::pyramid::Pyramid as Layers;
 use pyramap::ranges::Ranges;
 use pyramap::sensor::SensorTable;
+use pyramap::sensors::Projection;
 use pyramap::surfaces::SurfaceLayer;
 use pyramap::update::area::Area;
 use pyramap::update::min_layer::MinLayer;
 use pyramap::update::pyramid::Pyramid;
 use pyramap::update::{Rule, free_increment, update};
-use pyramap::{BeyondMaxRange, SensorModel, SurfaceOffset, UpdateRule};
+use pyramap::{BeyondMaxRange, PinholeCamera, SensorModel, SurfaceOffset, UpdateRule};
 use std::collections::BTreeMap;
 
 const RULES: [UpdateRule; 3] = [UpdateRule::Pyramid, UpdateRule::MinLayer, UpdateRule::Area];
@@ -100,26 +102,40 @@ struct OnCpu {
     effects: Effects,
 }
 
-fn on_cpu(config: &GridConfig, image: &DepthImage, camera: &PinholeCamera, pose: &Pose) -> OnCpu {
-    let view = View::new(camera, pose, config.voxel_size, config.max_range);
-    let (t_0, count) = (view.t_0 as f32, num_layers(camera.width, camera.height));
-    match config.update {
-        UpdateRule::MinLayer => by_rule(config, image, camera, &view, &MinLayer { t_0, count }),
-        UpdateRule::Area => by_rule(config, image, camera, &view, &Area::new(&view)),
-        _ => by_rule(config, image, camera, &view, &Pyramid { t_0, count }),
+fn on_cpu(config: &GridConfig, image: &DepthImage, sensor: impl Into<Sensor>, pose: &Pose) -> OnCpu {
+    let (sensor, r, max_range) = (sensor.into(), config.voxel_size, config.max_range);
+    match &sensor {
+        Sensor::Pinhole(camera) => seen_by(config, image, &sensor, View::new(Pinhole::new(camera), pose, r, max_range)),
+        Sensor::Spherical(it) => seen_by(config, image, &sensor, View::new(Spherical::new(it), pose, r, max_range)),
     }
 }
 
-fn by_rule<R: Rule>(config: &GridConfig, image: &DepthImage, camera: &PinholeCamera, view: &View, rule: &R) -> OnCpu {
-    let table = SensorTable::new(&config.sensor_model);
+fn seen_by<P: Projection>(config: &GridConfig, image: &DepthImage, sensor: &Sensor, view: View<P>) -> OnCpu {
+    let (t_0, count) = (view.t_0 as f32, view.projection.num_layers());
+    match config.update {
+        UpdateRule::MinLayer => by_rule(config, image, sensor, &view, &MinLayer { t_0, count }),
+        UpdateRule::Area => by_rule(config, image, sensor, &view, &Area::new(&view)),
+        _ => by_rule(config, image, sensor, &view, &Pyramid { t_0, count }),
+    }
+}
+
+fn by_rule<P: Projection, R: Rule<P>>(
+    config: &GridConfig,
+    image: &DepthImage,
+    sensor: &Sensor,
+    view: &View<P>,
+    rule: &R,
+) -> OnCpu {
+    let model = image.sensor_model().unwrap_or(config.sensor_model);
+    let table = SensorTable::new(&model);
     let (mut ranges, mut layers) = (Ranges::default(), Layers::default());
-    ranges.compute(image, camera, config.max_range, config.beyond_max_range).unwrap();
-    let count = num_layers(camera.width, camera.height);
+    ranges.compute(image, sensor, config.max_range, config.beyond_max_range).unwrap();
+    let count = view.projection.num_layers();
     let wanted = config.update.layers(view, count);
-    layers.compute(&ranges, view.t_0, config.update.selection(), wanted.clone());
+    layers.compute(&ranges, view.t_0, config.update.selection::<P>(), wanted.clone());
     let mut surfaces = vec![SurfaceLayer::default(); count];
     for i in wanted {
-        surfaces[i].compute(&layers.layers[i], &config.sensor_model, &table, config.update.finest_bounds());
+        surfaces[i].compute(&layers.layers[i], &model, &table, config.update.finest_bounds());
     }
     let scope = Scope { view, layers: &surfaces, rule, enabled: config.cull };
     let (mut culled, mut increments, mut changes) = (Culled::default(), Vec::new(), Vec::new());
@@ -157,10 +173,10 @@ fn on_gpu(
     frames: &mut Frames,
     config: &GridConfig,
     image: &DepthImage,
-    camera: &PinholeCamera,
+    sensor: impl Into<Sensor>,
     pose: &Pose,
 ) -> OnGpu {
-    frames.see(gpu, config, image, camera, pose).unwrap();
+    frames.see(gpu, config, image, &sensor.into(), pose).unwrap();
     seen(gpu, frames)
 }
 
@@ -172,7 +188,7 @@ fn seen(gpu: &Gpu, frames: &mut Frames) -> OnGpu {
         let blocks = (seen.culled.mixed.len() - increments.len()).min(frames.blocks_per_page());
         increments.extend(download::<BlockData>(gpu, page, blocks));
     }
-    let free = free_increment(&frames.model.table);
+    let free = free_increment(&SensorTable::new(&SensorModel::constant(0.05).unwrap()));
     OnGpu { effects: effects(&seen.culled, &seen.changes, &increments, free), culled: seen.culled }
 }
 

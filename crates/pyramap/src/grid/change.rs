@@ -8,13 +8,13 @@
 
 use super::OccupancyGrid;
 use crate::block::{BLOCK_VOXELS, Block, BlockData, BlockKey, Blocks, voxel_offset};
-use crate::camera::PinholeCamera;
 use crate::commit::budget;
 use crate::depth::DepthImage;
 use crate::error::{Error, Result};
 use crate::history::History;
 use crate::pose::Pose;
 use crate::region::{Overlap, Region};
+use crate::sensors::Sensor;
 use crate::stats::FrameStats;
 use rayon::prelude::*;
 use std::ops::Range;
@@ -100,17 +100,18 @@ impl OccupancyGrid {
     pub fn reintegrate(
         &mut self,
         image: &DepthImage,
-        camera: &PinholeCamera,
+        sensor: impl Into<Sensor>,
         old_pose: &Pose,
         new_pose: &Pose,
     ) -> Result<FrameStats> {
         self.synchronize()?;
         self.check_exact("reintegrate")?;
-        self.fuse(image, camera, old_pose, -1)?;
-        self.fuse(image, camera, new_pose, 1).or_else(|error| {
+        let sensor = &sensor.into();
+        self.fuse(image, sensor, old_pose, -1)?;
+        self.fuse(image, sensor, new_pose, 1).or_else(|error| {
             // The map held the frame before and may hold it again, even if a table has grown since then.
             let max_bytes = self.config.max_bytes.take();
-            let undone = self.fuse(image, camera, old_pose, 1);
+            let undone = self.fuse(image, sensor, old_pose, 1);
             self.config.max_bytes = max_bytes;
             undone.and(Err(error))
         })

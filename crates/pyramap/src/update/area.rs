@@ -5,6 +5,7 @@
 
 use super::{Frame, Pixels, Rule};
 use crate::cull::{LayersRead, Reads};
+use crate::sensors::{Projected, Projection};
 use crate::surfaces::texel;
 use crate::view::{Lanes, Points, View};
 
@@ -17,7 +18,7 @@ pub struct Area {
 impl Area {
     /// The rule for one view: eight points of a lattice, so placed that along each axis all eight differ: they
     /// come nearer to the ideal than the middles of the voxel's eighths. `examples/area_sampling.py` is the experiment.
-    pub fn new(view: &View) -> Self {
+    pub fn new<P: Projection>(view: &View<P>) -> Self {
         let place = |sample: usize, step: f64| ((sample as f64 + 0.5) * step / 8.0).fract() - 0.5;
         Self { samples: view.voxel_offsets(|sample| [place(sample, 1.0), place(sample, 5.0), place(sample, 7.0)]) }
     }
@@ -35,19 +36,18 @@ impl Reads for Area {
     }
 }
 
-impl Rule for Area {
+impl<P: Projection> Rule<P> for Area {
     #[inline(always)]
-    fn log_odds(&self, frame: &Frame, points: &Points, pixels: &Pixels) -> Lanes {
+    fn log_odds(&self, frame: &Frame<P>, points: &Points, pixels: &Pixels) -> Lanes {
         let layer = &frame.layers[0];
-        let (view, last) = (frame.view, [(layer.width - 1) as f32, (layer.height - 1) as f32]);
+        let (projection, last) = (&frame.view.projection, [(layer.width - 1) as f32, (layer.height - 1) as f32]);
         let mut sum = [0.0; 8];
         let mut count = [0.0; 8];
         for sample in 0..8 {
             let [dx, dy, dz] = self.samples.lane(sample);
             for n in 0..8 {
-                let inverse = 1.0 / (points.z[n] + dz);
-                let u = (points.x[n] + dx) * inverse * view.focal[0] + view.principal[0];
-                let v = (points.y[n] + dy) * inverse * view.focal[1] + view.principal[1];
+                let point = [points.x[n] + dx, points.y[n] + dy, points.z[n] + dz];
+                let Projected { u, v, in_front, .. } = projection.project(point);
                 let at = texel(v, last[1]) as usize * layer.width + texel(u, last[0]) as usize;
                 // SAFETY: `texel` clamps to the layer.
                 let surface = unsafe { *layer.surface.get_unchecked(at) };
@@ -57,7 +57,7 @@ impl Rule for Area {
                     unsafe { *layer.inv_sigma.get_unchecked(at) }
                 };
                 // Points of a voxel in sight may lie outside the image, and are read at its border, or behind the camera.
-                let valid = if surface.is_nan() | (inverse <= 0.0) { 0.0 } else { 1.0 };
+                let valid = if surface.is_nan() | !in_front { 0.0 } else { 1.0 };
                 sum[n] += valid * frame.table.log_odds((pixels.range[n] - surface) * inv_sigma);
                 count[n] += valid;
             }

@@ -1,9 +1,11 @@
 //! The reference (Eq. 8, 9): every pixel ray that cuts the voxel, weighted by the length it has inside.
 
 use super::{Frame, Pixels, Rule};
-use crate::cull::{LayersRead, Reads};
+use crate::cull::{Eighths, LayersRead, Reads};
+use crate::sensors::{Outline, PixelRay, Projection};
 use crate::view::{Lanes, Points, View};
 use nalgebra::Vector3;
+use std::ops::Range;
 
 /// The rule.
 pub struct Ideal {
@@ -13,11 +15,8 @@ pub struct Ideal {
 
 impl Ideal {
     /// The rule for one view.
-    pub fn new(view: &View) -> Self {
-        // A voxel holds a ball of diameter r, whose image is no smaller than a disc of diameter f r / z. A disc of
-        // diameter sqrt(2) pixels holds a pixel centre wherever it lies; the rest is slack for rounding.
-        let focal = view.focal[0].min(view.focal[1]);
-        Self { certain_within: 0.999 * focal * view.voxel_size as f32 / std::f32::consts::SQRT_2 }
+    pub fn new<P: Projection>(view: &View<P>) -> Self {
+        Self { certain_within: view.projection.certain_within(view.voxel_size) }
     }
 }
 
@@ -30,26 +29,30 @@ impl Reads for Ideal {
     }
 }
 
-impl Rule for Ideal {
+impl<P: Projection> Rule<P> for Ideal {
     #[inline(always)]
-    fn log_odds(&self, frame: &Frame, points: &Points, pixels: &Pixels) -> Lanes {
-        std::array::from_fn(|n| ideal_log_odds(frame, points.lane(n), pixels.range[n]))
+    fn log_odds(&self, frame: &Frame<P>, points: &Points, pixels: &Pixels) -> Lanes {
+        let voxel = Eighths::new::<Ideal>(frame.view, 2);
+        std::array::from_fn(|n| ideal_log_odds(frame, &voxel, points.lane(n), pixels.range[n]))
     }
 }
 
-fn ideal_log_odds(frame: &Frame, centre: [f32; 3], range: f32) -> f32 {
+fn ideal_log_odds<P: Projection>(frame: &Frame<P>, voxel: &Eighths<P>, centre: [f32; 3], range: f32) -> f32 {
     let view = frame.view;
     let layer = &frame.layers[0];
-    if centre[2] <= 0.0 || range > view.max_range {
+    let outline = view.projection.outline(voxel, centre, range);
+    if !outline.in_sight {
         return f32::NAN;
     }
-    // Rays are cut with the voxel along the world's axes, relative to the camera.
+    // Rays are cut with the voxel along the world's axes, relative to the sensor.
     let centre = view.pose.rotation * Vector3::from(centre.map(f64::from));
     let half = 0.5 * view.voxel_size;
-    let (columns, rows) = projected_cube(view, &centre, half);
+    let (rows, columns) = pixels_in(view, &outline);
     let (mut sum, mut total) = (0.0, 0.0);
-    for row in rows.0..rows.1 {
-        for column in columns.0..columns.1 {
+    for row in rows {
+        for column in columns.clone() {
+            // Beyond the border only where the image wraps.
+            let column = column.rem_euclid(layer.width as isize) as usize;
             let texel = row * layer.width + column;
             let surface = layer.surface[texel];
             let length = if surface.is_nan() { 0.0 } else { chord(view, &centre, half, column, row) };
@@ -64,43 +67,37 @@ fn ideal_log_odds(frame: &Frame, centre: [f32; 3], range: f32) -> f32 {
 }
 
 /// Length of a pixel's ray inside the cube of half an edge `half` around `centre`, metres.
-fn chord(view: &View, centre: &Vector3<f64>, half: f64, column: usize, row: usize) -> f64 {
-    let in_camera = |axis: usize, pixel: usize| {
-        (pixel as f64 + 0.5 - f64::from(view.principal[axis])) / f64::from(view.focal[axis])
-    };
-    let direction = (view.pose.rotation * Vector3::new(in_camera(0, column), in_camera(1, row), 1.0)).normalize();
+fn chord<P: Projection>(view: &View<P>, centre: &Vector3<f64>, half: f64, column: usize, row: usize) -> f64 {
+    let PixelRay { start, direction } = view.projection.ray(column, row);
+    // With perspective all rays start where the sensor is.
+    let start = if P::PERSPECTIVE { Vector3::zeros() } else { view.pose.rotation * start };
+    let direction = (view.pose.rotation * direction).normalize();
     let (mut enter, mut leave) = (0.0f64, f64::INFINITY);
     for axis in 0..3 {
         // A ray along a face divides by zero: the infinities leave the interval as it is, or empty it.
-        let a = (centre[axis] - half) / direction[axis];
-        let b = (centre[axis] + half) / direction[axis];
+        let a = (centre[axis] - start[axis] - half) / direction[axis];
+        let b = (centre[axis] - start[axis] + half) / direction[axis];
         enter = enter.max(a.min(b));
         leave = leave.min(a.max(b));
     }
     (leave - enter).max(0.0)
 }
 
-/// Pixels, first and one past the last along each axis, whose rays may cut a cube.
-fn projected_cube(view: &View, centre: &Vector3<f64>, half: f64) -> ((usize, usize), (usize, usize)) {
-    let mut low = [f64::INFINITY; 2];
-    let mut high = [f64::NEG_INFINITY; 2];
-    for corner in 0..8 {
-        let side = |axis: usize| if corner >> axis & 1 == 0 { -half } else { half };
-        let p = view.pose.rotation.transpose() * (centre + Vector3::new(side(0), side(1), side(2)));
-        for axis in 0..2 {
-            // A cube that reaches behind the camera may be seen by any pixel.
-            let (a, b) = if p.z > 1e-6 {
-                let pixel = p[axis] / p.z * f64::from(view.focal[axis]) + f64::from(view.principal[axis]) - 0.5;
-                (pixel, pixel)
-            } else {
-                (f64::NEG_INFINITY, f64::INFINITY)
-            };
-            (low[axis], high[axis]) = (low[axis].min(a), high[axis].max(b));
-        }
+/// Rows and columns of the pixels whose rays may cut a voxel.
+fn pixels_in<P: Projection>(view: &View<P>, outline: &Outline) -> (Range<usize>, Range<isize>) {
+    let [width, height] = view.projection.image();
+    if !outline.bounded {
+        // Any pixel may see a cube that reaches behind the camera.
+        return (0..height as usize, 0..width as isize);
     }
-    let pixels = |axis: usize| {
-        let size = f64::from(view.image[axis]);
-        (low[axis].floor().clamp(0.0, size) as usize, (high[axis].floor() + 1.0).clamp(0.0, size) as usize)
+    let ([top, bottom], [left, right]) = (outline.rows, outline.columns);
+    let rows = (top - 0.5).max(0.0) as usize..(bottom + 0.5).clamp(0.0, height) as usize;
+    let columns = if !view.projection.wraps() {
+        (left - 0.5).max(0.0) as isize..(right + 0.5).clamp(0.0, width) as isize
+    } else if right - left < width - 3.0 {
+        (left - 0.5).floor() as isize..(right + 0.5).ceil() as isize
+    } else {
+        0..width as isize
     };
-    (pixels(0), pixels(1))
+    (rows, columns)
 }

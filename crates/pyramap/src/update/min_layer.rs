@@ -1,7 +1,8 @@
 //! The paper's baseline, after Andert 2009: minimum ranges, one layer, bilinear within it.
 
-use super::{Frame, Pixels, Rule, bilinear, layers_between, layers_of};
+use super::{Frame, Pixels, Rule, apparent_distances, bilinear, layers_between, layers_of};
 use crate::cull::{LayersRead, Reads};
+use crate::sensors::Projection;
 use crate::view::{Lanes, Points};
 
 /// `t_0` and the number of layers.
@@ -23,10 +24,10 @@ impl Reads for MinLayer {
     }
 }
 
-impl Rule for MinLayer {
+impl<P: Projection> Rule<P> for MinLayer {
     #[inline(always)]
-    fn log_odds(&self, frame: &Frame, _: &Points, pixels: &Pixels) -> Lanes {
-        let layers = layers_of(self.t_0, self.count, &pixels.range);
+    fn log_odds(&self, frame: &Frame<P>, _: &Points, pixels: &Pixels) -> Lanes {
+        let layers = layers_of(self.t_0, self.count, &apparent_distances(frame, pixels));
         let mut result = [f32::NAN; 8];
         for i in layers.first..=layers.last {
             let here = bilinear(frame, i, pixels);

@@ -17,6 +17,7 @@ use crate::cull::{Class, Eighths, Reads, Scope, side};
 use crate::log_odds::{self, STEPS};
 use crate::pyramid::Selection;
 use crate::sensor::SensorTable;
+use crate::sensors::{Projected, Projection};
 use crate::surfaces::{SurfaceLayer, texel};
 use crate::view::{Lanes, Points, View};
 use rayon::prelude::*;
@@ -40,18 +41,21 @@ pub enum UpdateRule {
 }
 
 impl UpdateRule {
-    /// Which range of a window the layers of this rule keep.
-    pub fn selection(self) -> Selection {
+    /// Which range of a window the layers of this rule keep. Without perspective no layer has a distance of its own.
+    pub fn selection<P: Projection>(self) -> Selection {
         match self {
             UpdateRule::MinLayer => Selection::Minimum,
+            _ if !P::PERSPECTIVE => Selection::Minimum,
             _ => Selection::Nearest,
         }
     }
 
     /// The layers this rule can read within the range of a view, of an image with `count` of them.
-    pub fn layers(self, view: &View, count: usize) -> Range<usize> {
+    pub fn layers<P: Projection>(self, view: &View<P>, count: usize) -> Range<usize> {
         match self {
-            UpdateRule::Pyramid | UpdateRule::MinLayer => layer_of(view.t_0 as f32 / view.max_range, count)..count,
+            UpdateRule::Pyramid | UpdateRule::MinLayer => {
+                layer_of(view.t_0 as f32 / view.projection.apparent_distance(view.max_range), count)..count
+            }
             UpdateRule::Area | UpdateRule::Ideal => 0..1,
             UpdateRule::Rays => 0..0,
         }
@@ -82,9 +86,9 @@ pub enum Change {
 }
 
 /// What a rule reads when it is asked.
-pub struct Frame<'a> {
+pub struct Frame<'a, P> {
     /// Where the camera is.
-    pub view: &'a View,
+    pub view: &'a View<P>,
     /// The layers.
     pub layers: &'a [SurfaceLayer],
     /// The sensor model.
@@ -92,10 +96,10 @@ pub struct Frame<'a> {
 }
 
 /// A rule: log-odds of eight voxels.
-pub trait Rule: Reads {
+pub trait Rule<P>: Reads {
     /// Log-odds of the voxels whose centres are `points`, projected to `pixels`; NaN where nothing was read.
     /// Lanes out of sight hold anything, and what is answered for them is not used.
-    fn log_odds(&self, frame: &Frame, points: &Points, pixels: &Pixels) -> Lanes;
+    fn log_odds(&self, frame: &Frame<P>, points: &Points, pixels: &Pixels) -> Lanes;
 }
 
 /// Projected voxel centres.
@@ -105,7 +109,7 @@ pub struct Pixels {
     pub u: Lanes,
     /// Row, likewise.
     pub v: Lanes,
-    /// Euclidean distance from the camera centre, metres: the `z` of the paper.
+    /// What the sensor measures of a surface there, metres: the `z` of the paper.
     pub range: Lanes,
 }
 
@@ -142,6 +146,12 @@ fn layers_of(t_0: f32, count: usize, range: &Lanes) -> LayersOf {
     LayersOf { each, first: first as usize, last: last as usize }
 }
 
+/// The distances that say how large the voxels look.
+#[inline(always)]
+fn apparent_distances<P: Projection>(frame: &Frame<P>, pixels: &Pixels) -> Lanes {
+    pixels.range.map(|range| frame.view.projection.apparent_distance(range))
+}
+
 /// `2^i`, for the number of a layer.
 #[inline(always)]
 fn power_of_two(i: i32) -> f32 {
@@ -149,24 +159,24 @@ fn power_of_two(i: i32) -> f32 {
 }
 
 /// A block by its eighths, theirs, and theirs, which are single voxels: positions are the same for all blocks of a frame.
-struct BlockLayout {
+struct BlockLayout<P: Projection> {
     /// Cubes of 4 x 4 x 4 voxels.
-    quarters: Eighths,
+    quarters: Eighths<P>,
     /// Cubes of 2 x 2 x 2 voxels: eight lanes.
-    pairs: Eighths,
-    voxels: Eighths,
+    pairs: Eighths<P>,
+    voxels: Eighths<P>,
 }
 
-impl BlockLayout {
-    fn new<R: Reads>(view: &View) -> Self {
+impl<P: Projection> BlockLayout<P> {
+    fn new<R: Reads>(view: &View<P>) -> Self {
         let eighths = |edge| Eighths::new::<R>(view, edge);
         Self { quarters: eighths(BLOCK_EDGE), pairs: eighths(BLOCK_EDGE / 2), voxels: eighths(BLOCK_EDGE / 4) }
     }
 }
 
 /// Computes the increments of the mixed blocks: `changes[n]` and, where that is dense, `increments[n]` for `mixed[n]`.
-pub fn update<R: Rule>(
-    scope: &Scope<R>,
+pub fn update<R: Rule<P>, P: Projection>(
+    scope: &Scope<R, P>,
     table: &SensorTable,
     mixed: &[BlockKey],
     increments: &mut Vec<BlockData>,
@@ -186,14 +196,20 @@ pub fn update<R: Rule>(
 /// Picks the widest instructions that the processor has. Results do not depend on the choice: nothing is fused or
 /// reordered, only more lanes go at once.
 #[inline]
-fn update_block<R: Rule>(scope: &Scope<R>, frame: &Frame, layout: &BlockLayout, key: BlockKey, out: &mut BlockData) {
+fn update_block<R: Rule<P>, P: Projection>(
+    scope: &Scope<R, P>,
+    frame: &Frame<P>,
+    layout: &BlockLayout<P>,
+    key: BlockKey,
+    out: &mut BlockData,
+) {
     #[cfg(target_arch = "x86_64")]
     {
         #[target_feature(enable = "avx2")]
-        fn with_avx2<R: Rule>(
-            scope: &Scope<R>,
-            frame: &Frame,
-            layout: &BlockLayout,
+        fn with_avx2<R: Rule<P>, P: Projection>(
+            scope: &Scope<R, P>,
+            frame: &Frame<P>,
+            layout: &BlockLayout<P>,
             key: BlockKey,
             out: &mut BlockData,
         ) {
@@ -208,7 +224,13 @@ fn update_block<R: Rule>(scope: &Scope<R>, frame: &Frame, layout: &BlockLayout, 
 }
 
 #[inline(always)]
-fn update_eighths<R: Rule>(scope: &Scope<R>, frame: &Frame, layout: &BlockLayout, key: BlockKey, out: &mut BlockData) {
+fn update_eighths<R: Rule<P>, P: Projection>(
+    scope: &Scope<R, P>,
+    frame: &Frame<P>,
+    layout: &BlockLayout<P>,
+    key: BlockKey,
+    out: &mut BlockData,
+) {
     let free = to_increment(frame.table.free());
     let centre = scope.view.to_camera(&scope.view.offset_of(key, 1));
     let quarters = layout.quarters.offsets.moved(centre);
@@ -240,22 +262,15 @@ fn store(out: &mut BlockData, q: usize, p: usize, values: [i32; 8]) {
 
 /// Increments of eight voxels: projects them (Eq. 13), asks the rule, and rounds.
 #[inline(always)]
-fn update_lanes<R: Rule>(scope: &Scope<R>, frame: &Frame, points: &Points) -> [i32; 8] {
+fn update_lanes<R: Rule<P>, P: Projection>(scope: &Scope<R, P>, frame: &Frame<P>, points: &Points) -> [i32; 8] {
     let view = frame.view;
+    let image = view.projection.image();
     let mut pixels = Pixels { u: [0.0; 8], v: [0.0; 8], range: [0.0; 8] };
     let mut seen = [false; 8];
     for i in 0..8 {
-        let [x, y, z] = points.lane(i);
-        let inverse = 1.0 / z;
-        let range = (x * x + y * y + z * z).sqrt();
-        pixels.u[i] = x * inverse * view.focal[0] + view.principal[0];
-        pixels.v[i] = y * inverse * view.focal[1] + view.principal[1];
-        seen[i] = (z > 0.0)
-            & (range <= view.max_range)
-            & (pixels.u[i] >= 0.0)
-            & (pixels.v[i] >= 0.0)
-            & (pixels.u[i] < view.image[0])
-            & (pixels.v[i] < view.image[1]);
+        let Projected { u, v, range, in_front } = view.projection.project(points.lane(i));
+        (pixels.u[i], pixels.v[i]) = (u, v);
+        seen[i] = in_front & (range <= view.max_range) & (u >= 0.0) & (v >= 0.0) & (u < image[0]) & (v < image[1]);
         // Lanes out of range must not reach for layers that are not made.
         pixels.range[i] = if range <= view.max_range { range } else { view.max_range };
     }
@@ -296,13 +311,19 @@ pub fn free_increment(table: &SensorTable) -> i32 {
 }
 
 /// Bilinear interpolation of log-odds in one layer (Eq. 15, 16) over the texels that have a reading; NaN where none has.
-/// Texel centres lie at half-integer `(u, v)`; texels beyond the border are those at the border.
+/// Texel centres lie at half-integer `(u, v)`; texels beyond the border are those at the border, or, where the image
+/// wraps, those at the other end.
 #[inline(always)]
-fn bilinear(frame: &Frame, i: usize, pixels: &Pixels) -> Lanes {
+fn bilinear<P: Projection>(frame: &Frame<P>, i: usize, pixels: &Pixels) -> Lanes {
     let layer = &frame.layers[i];
     assert!(!layer.surface.is_empty(), "layer {i} is one that this rule reads");
     let scale = 1.0 / (1u32 << i) as f32;
-    let (columns, rows) = (taps(&pixels.u, scale, layer.width), taps(&pixels.v, scale, layer.height));
+    let rows = taps(&pixels.v, scale, layer.height);
+    let columns = if frame.view.projection.wraps() {
+        wrapped_taps(&pixels.u, scale, layer.width)
+    } else {
+        taps(&pixels.u, scale, layer.width)
+    };
     let mut sum = [0.0; 8];
     let mut weight = [0.0; 8];
     for (row, row_weight) in &rows {
@@ -339,6 +360,22 @@ fn taps(coordinate: &Lanes, scale: f32, size: usize) -> [Tap; 2] {
         let floor = x.floor();
         taps[0].0[n] = texel(floor, last);
         taps[1].0[n] = texel(floor + 1.0, last);
+        taps[1].1[n] = x - floor;
+        taps[0].1[n] = 1.0 - (x - floor);
+    }
+    taps
+}
+
+/// The same in an image whose last column's neighbour is the first.
+#[inline(always)]
+fn wrapped_taps(coordinate: &Lanes, scale: f32, size: usize) -> [Tap; 2] {
+    let last = (size - 1) as f32;
+    let mut taps = [([0; 8], [0.0; 8]); 2];
+    for n in 0..8 {
+        let x = coordinate[n] * scale - 0.5;
+        let floor = x.floor();
+        taps[0].0[n] = texel(if floor < 0.0 { last } else { floor }, last);
+        taps[1].0[n] = texel(if floor < last { floor + 1.0 } else { 0.0 }, last);
         taps[1].1[n] = x - floor;
         taps[0].1[n] = 1.0 - (x - floor);
     }

@@ -1,7 +1,8 @@
 //! The paper's rule: bilinear in two neighbouring layers, linear between them (Eq. 12 to 17).
 
-use super::{Frame, Pixels, Rule, bilinear, layers_between, layers_of, power_of_two};
+use super::{Frame, Pixels, Rule, apparent_distances, bilinear, layers_between, layers_of, power_of_two};
 use crate::cull::{LayersRead, Reads};
+use crate::sensors::Projection;
 use crate::view::{Lanes, Points};
 
 /// `t_0` and the number of layers.
@@ -25,17 +26,18 @@ impl Reads for Pyramid {
     }
 }
 
-impl Rule for Pyramid {
+impl<P: Projection> Rule<P> for Pyramid {
     #[inline(always)]
-    fn log_odds(&self, frame: &Frame, _: &Points, pixels: &Pixels) -> Lanes {
-        let layers = layers_of(self.t_0, self.count, &pixels.range);
+    fn log_odds(&self, frame: &Frame<P>, _: &Points, pixels: &Pixels) -> Lanes {
+        let distance = apparent_distances(frame, pixels);
+        let layers = layers_of(self.t_0, self.count, &distance);
         let last = self.count as i32 - 1;
         let mut towards_next: Lanes = [0.0; 8];
         let mut served_alone = [false; 8];
         for n in 0..8 {
             // Eq. 17, with t_(i+1) = t_i / 2: (z - t_i) / (t_(i+1) - t_i) = 2 (1 - z / t_i).
-            towards_next[n] = 2.0 - 2.0 * (pixels.range[n] * power_of_two(layers.each[n]) / self.t_0);
-            served_alone[n] = (pixels.range[n] > self.t_0) | (layers.each[n] == last);
+            towards_next[n] = 2.0 - 2.0 * (distance[n] * power_of_two(layers.each[n]) / self.t_0);
+            served_alone[n] = (distance[n] > self.t_0) | (layers.each[n] == last);
         }
         let mut result = [f32::NAN; 8];
         let mut here = bilinear(frame, layers.first, pixels);

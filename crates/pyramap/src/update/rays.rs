@@ -10,13 +10,13 @@
 
 use super::{Change, summary};
 use crate::block::{BLOCK_VOXELS, BlockData, BlockKey, VoxelIndex, locate};
-use crate::camera::PinholeCamera;
 use crate::config::GridConfig;
 use crate::error::{Error, Result};
 use crate::log_odds;
 use crate::mask::Mask;
 use crate::pose::Pose;
 use crate::ranges::{BeyondMaxRange, Ranges};
+use crate::sensors::Sensor;
 use hashbrown::HashMap;
 use nalgebra::Vector3;
 use rayon::prelude::*;
@@ -50,12 +50,12 @@ struct Ray {
 
 impl Scan {
     /// The rays to what the pixels of an image measure.
-    pub fn of_image(ranges: &Ranges, camera: &PinholeCamera, pose: &Pose, max_range: f64) -> Self {
+    pub fn of_image(ranges: &Ranges, sensor: &Sensor, pose: &Pose, max_range: f64) -> Self {
         let rows = ranges.values.par_chunks(ranges.width).enumerate();
         let rays = rows.flat_map_iter(|(v, row)| {
             let measured = row.iter().enumerate().filter(|(_, range)| **range > 0.0);
             measured.map(move |(u, &range)| {
-                let along = pose.rotation * camera_ray(camera, u, v).normalize();
+                let along = pose.rotation * sensor.aligned_ray(u, v).direction;
                 let end = pose.translation + along * f64::from(range).min(max_range);
                 Ray { end: single(&end), hit: range.is_finite() }
             })
@@ -130,11 +130,6 @@ impl Scan {
             more
         })
     }
-}
-
-/// The direction of a pixel's ray in the camera's frame.
-fn camera_ray(camera: &PinholeCamera, u: usize, v: usize) -> Vector3<f64> {
-    Vector3::new((u as f64 - camera.cx) / camera.fx, (v as f64 - camera.cy) / camera.fy, 1.0)
 }
 
 fn single(point: &Vector3<f64>) -> Point {

@@ -120,7 +120,7 @@ fn what_there_is_no_room_for_is_done_again() {
                 expected.clear();
             }
             expected.push_back(on_cpu(&config, &image, camera, &pose(n as u32)).effects);
-            frames.see(&gpu, &config, &image, camera, &pose(n as u32)).unwrap();
+            frames.see(&gpu, &config, &image, &camera.into(), &pose(n as u32)).unwrap();
             if expected.len() == 2 {
                 check(
                     &gpu,

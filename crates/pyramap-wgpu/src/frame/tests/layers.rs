@@ -36,12 +36,13 @@ fn check_layers(gpu: &Gpu, config: &GridConfig, image: &DepthImage, camera: &Pin
     let mut frames = Frames::new(gpu, config).unwrap();
     on_gpu(gpu, &mut frames, config, image, camera, &pose(0));
 
-    let view = View::new(camera, &pose(0), config.voxel_size, config.max_range);
-    let layout = params::layers(config, &view, camera.width, camera.height);
+    let view = View::new(Pinhole::new(camera), &pose(0), config.voxel_size, config.max_range);
+    let layout = params::layers(config, &view);
+    let constant = config.sensor_model.is_constant();
     let buffers = &frames.shots[frames.asked].buffers;
-    let placed: Vec<[f32; 2]> = match frames.sigma {
-        Sigma::Growing => download(gpu, &buffers.surfaces, layout.num_texels),
-        Sigma::Constant => {
+    let placed: Vec<[f32; 2]> = match constant {
+        false => download(gpu, &buffers.surfaces, layout.num_texels),
+        true => {
             let inv_sigma = (1.0 / config.sensor_model.sigma_at(0.0)) as f32;
             download(gpu, &buffers.surfaces, layout.num_texels)
                 .into_iter()
@@ -52,9 +53,9 @@ fn check_layers(gpu: &Gpu, config: &GridConfig, image: &DepthImage, camera: &Pin
     let bounds: Vec<[f32; 2]> = download(gpu, &buffers.bounds, layout.num_cells);
 
     // A sigma that grows is a polynomial in f32 here, in f64 on the CPU: a few roundings.
-    let exact = frames.sigma == Sigma::Constant && gpu.name().contains("llvmpipe");
+    let exact = constant && gpu.name().contains("llvmpipe");
     let near = |a: f32, b: f32| if exact { a == b } else { (a - b).abs() <= 1e-6 * b.abs().max(1.0) };
-    let reach = |inv_sigma: f32| frames.model.table.cutoff() / inv_sigma;
+    let reach = |inv_sigma: f32| SensorTable::new(&config.sensor_model).cutoff() / inv_sigma;
     let (mut texels, mut cells) = (placed.as_slice(), bounds.as_slice());
     for i in layout.made.0..layout.made.1 {
         let (layer, surfaces) = (&cpu.layers.layers[i], &cpu.surfaces[i]);

@@ -1,0 +1,148 @@
+//! The pinhole camera without distortion, as the kernels see it.
+
+use super::projection::{Outline, PixelRay, Projected, Projection};
+use crate::camera::PinholeCamera;
+use crate::cull::{Eighths, PIXEL_SLACK, dot};
+use crate::pose::Pose;
+use nalgebra::Vector3;
+
+/// Projects through a pinhole (Eq. 13).
+#[derive(Clone, Debug)]
+pub struct Pinhole {
+    /// Columns and rows of the image.
+    pub image: [f32; 2],
+    /// Focal lengths.
+    pub focal: [f32; 2],
+    /// The principal point, counted from the image's border: half a pixel more than from the first pixel's centre.
+    pub principal: [f32; 2],
+    /// The sides of the frustum, left, right, top, bottom: a point in front of the camera is in the image where its
+    /// products with all four are positive. They grow by one for each pixel into the image at one metre.
+    pub sides: [[f32; 3]; 4],
+    focal_length: f64,
+}
+
+/// The extent of a cube.
+#[derive(Clone, Debug)]
+pub struct Size {
+    /// Half its depth, along the camera's z, metres.
+    pub depth: f32,
+    /// Half its extent across each of the frustum's sides, in the units of [`Pinhole::sides`].
+    pub across_sides: [f32; 4],
+}
+
+impl Pinhole {
+    /// Makes ready what is the same for all points.
+    pub fn new(camera: &PinholeCamera) -> Self {
+        let image = [camera.width as f32, camera.height as f32];
+        let focal = [camera.fx as f32, camera.fy as f32];
+        let principal = [(camera.cx + 0.5) as f32, (camera.cy + 0.5) as f32];
+        let sides = [
+            [focal[0], 0.0, principal[0]],
+            [-focal[0], 0.0, image[0] - principal[0]],
+            [0.0, focal[1], principal[1]],
+            [0.0, -focal[1], image[1] - principal[1]],
+        ];
+        Self { image, focal, principal, sides, focal_length: camera.focal_length() }
+    }
+
+    /// How far from a centre's column (`across` 0) or row (1) the cube around it may project, in focal lengths.
+    ///
+    /// For p' in the cube around p, x'/z' - x/z = ((x' - x) z - x (z' - z)) / (z' z). The numerator is linear in p', so
+    /// that each of the cube's axes adds its own absolute value; z' is at least z less half the cube's depth.
+    #[inline(always)]
+    fn spread(cubes: &Eighths<Self>, across: usize, centre: [f32; 3]) -> f32 {
+        let (x, z) = (centre[across], centre[2]);
+        let reach: f32 = cubes.axes.iter().map(|axis| (axis[across] * z - x * axis[2]).abs()).sum();
+        cubes.projected * reach / ((z - cubes.size.depth) * z)
+    }
+}
+
+impl Projection for Pinhole {
+    const PERSPECTIVE: bool = true;
+    type Size = Size;
+
+    #[inline(always)]
+    fn image(&self) -> [f32; 2] {
+        self.image
+    }
+
+    fn focal_length(&self) -> f64 {
+        self.focal_length
+    }
+
+    #[inline(always)]
+    fn wraps(&self) -> bool {
+        false
+    }
+
+    #[inline(always)]
+    fn project(&self, [x, y, z]: [f32; 3]) -> Projected {
+        let inverse = 1.0 / z;
+        Projected {
+            u: x * inverse * self.focal[0] + self.principal[0],
+            v: y * inverse * self.focal[1] + self.principal[1],
+            range: (x * x + y * y + z * z).sqrt(),
+            in_front: inverse > 0.0,
+        }
+    }
+
+    fn ray(&self, column: usize, row: usize) -> PixelRay {
+        let in_camera = |axis: usize, pixel: usize| {
+            (pixel as f64 + 0.5 - f64::from(self.principal[axis])) / f64::from(self.focal[axis])
+        };
+        PixelRay { start: Vector3::zeros(), direction: Vector3::new(in_camera(0, column), in_camera(1, row), 1.0) }
+    }
+
+    fn certain_within(&self, voxel_size: f64) -> f32 {
+        // A voxel holds a ball of diameter r, whose image is no smaller than a disc of diameter f r / z. A disc of
+        // diameter sqrt(2) pixels holds a pixel centre wherever it lies; the rest is slack for rounding.
+        let focal = self.focal[0].min(self.focal[1]);
+        0.999 * focal * voxel_size as f32 / std::f32::consts::SQRT_2
+    }
+
+    fn size(&self, axes: &[[f32; 3]; 3], half: f32) -> Size {
+        let extent = |normal: &[f32; 3]| half * axes.iter().map(|axis| dot(axis, normal).abs()).sum::<f32>();
+        Size { depth: extent(&[0.0, 0.0, 1.0]), across_sides: self.sides.each_ref().map(extent) }
+    }
+
+    #[inline(always)]
+    fn ranges(&self, cubes: &Eighths<Self>, centre: [f32; 3]) -> [f32; 2] {
+        cubes.distances(centre)
+    }
+
+    #[inline(always)]
+    fn outline(&self, cubes: &Eighths<Self>, centre: [f32; 3], far: f32) -> Outline {
+        let ([x, y, z], depth) = (centre, cubes.size.depth);
+        let inverse = 1.0 / z;
+        let u = x * inverse * self.focal[0] + self.principal[0];
+        let v = y * inverse * self.focal[1] + self.principal[1];
+        let du = Self::spread(cubes, 0, centre) * self.focal[0] + PIXEL_SLACK;
+        let dv = Self::spread(cubes, 1, centre) * self.focal[1] + PIXEL_SLACK;
+        // A cube that reaches behind the camera has no outline.
+        let bounded = z - depth > 1e-3;
+        let (mut in_sight, mut inside) = (z > -depth, bounded);
+        for (side, extent) in self.sides.iter().zip(&cubes.size.across_sides) {
+            let (within, reach) = (dot(side, &centre), extent + PIXEL_SLACK * far);
+            in_sight &= within + reach >= 0.0;
+            inside &= within - reach >= 0.0;
+        }
+        Outline { columns: [u - du, u + du], rows: [v - dv, v + dv], bounded, in_sight, inside }
+    }
+
+    /// The pyramid of the four border rays, cut at z = `max_range`, holds every point within that range; and nothing is
+    /// farther from the camera than that along any axis.
+    fn reach(&self, pose: &Pose, max_range: f64) -> [Vector3<f64>; 2] {
+        let [mut low, mut high] = [pose.translation; 2];
+        for (u, v) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
+            let side = |axis: usize, end: i32| {
+                let border = if end == 0 { 0.0 } else { self.image[axis] };
+                f64::from((border - self.principal[axis]) / self.focal[axis])
+            };
+            let corner = pose.rotation * (Vector3::new(side(0, u), side(1, v), 1.0) * max_range) + pose.translation;
+            low = low.inf(&corner);
+            high = high.sup(&corner);
+        }
+        let reach = Vector3::repeat(max_range);
+        [low.sup(&(pose.translation - reach)), high.inf(&(pose.translation + reach))]
+    }
+}

@@ -1,0 +1,92 @@
+//! How a sensor sees: what the stages must know of it, and all that they know.
+//!
+//! The kernels are compiled for each projection by itself. What is asked of single points here is asked in loops over
+//! eight lanes: an implementation has no branch, no allocation and no call in it, and is marked `#[inline(always)]`.
+
+use crate::cull::Eighths;
+use crate::pose::Pose;
+use crate::pyramid;
+use nalgebra::Vector3;
+
+/// A projected point.
+#[derive(Clone, Copy, Debug)]
+pub struct Projected {
+    /// Column, counted from the image's border: half a pixel more than from the first pixel's centre.
+    pub u: f32,
+    /// Row, likewise.
+    pub v: f32,
+    /// What the sensor measures of a surface there, metres: the `z` of the paper.
+    pub range: f32,
+    /// Whether the sensor could see the point if its image were large enough.
+    pub in_front: bool,
+}
+
+/// Where a cube lies in the image. Bounds may be wide, and are never too tight.
+#[derive(Clone, Copy, Debug)]
+pub struct Outline {
+    /// First and last column, first and last row: between them lies the projection of all that is projected for the
+    /// voxels of the cube. Only to be used where `bounded`; columns may lie beyond the image, or across its seam.
+    pub columns: [f32; 2],
+    /// First and last row.
+    pub rows: [f32; 2],
+    /// Whether all of the cube is in front of the sensor, so that it has an outline.
+    pub bounded: bool,
+    /// Whether some of the cube may be in the image.
+    pub in_sight: bool,
+    /// Whether all of it is.
+    pub inside: bool,
+}
+
+/// The ray of a pixel in the sensor's frame: what the pixel measures lies on it, as far from its start as the reading says.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PixelRay {
+    /// Where it starts.
+    pub start: Vector3<f64>,
+    /// Of any length but zero.
+    pub direction: Vector3<f64>,
+}
+
+/// A sensor as the stages see it.
+pub trait Projection: Clone + Sync {
+    /// Whether what is farther off looks smaller. If not, a voxel is as many pixels wide at every distance.
+    const PERSPECTIVE: bool;
+    /// What bounds the projection of a cube of one size, wherever it lies.
+    type Size: Clone + Sync;
+
+    /// Columns and rows of the image.
+    fn image(&self) -> [f32; 2];
+    /// How many pixels a metre at one metre's distance is wide; without perspective, at every distance.
+    fn focal_length(&self) -> f64;
+    /// Whether the last column's neighbour is the first.
+    fn wraps(&self) -> bool;
+
+    /// Projects a point in the sensor's frame.
+    fn project(&self, point: [f32; 3]) -> Projected;
+    /// The ray of a pixel.
+    fn ray(&self, column: usize, row: usize) -> PixelRay;
+    /// Up to this range every voxel in sight is cut by some pixel's ray.
+    fn certain_within(&self, voxel_size: f64) -> f32;
+
+    /// Measures cubes that lie along these axes: `half` an edge, metres, holds all that is projected.
+    fn size(&self, axes: &[[f32; 3]; 3], half: f32) -> Self::Size;
+    /// The least and greatest range of the voxel centres in the cube around a centre, with slack for rounding.
+    fn ranges(&self, cubes: &Eighths<Self>, centre: [f32; 3]) -> [f32; 2];
+    /// Where the cube around a centre lies in the image; `far` is the greatest of its ranges.
+    fn outline(&self, cubes: &Eighths<Self>, centre: [f32; 3], far: f32) -> Outline;
+    /// Lowest and highest corner of a box, in the world, that holds all that is seen up to `max_range`.
+    fn reach(&self, pose: &Pose, max_range: f64) -> [Vector3<f64>; 2];
+
+    /// How many layers an image has. Where it wraps, all windows are whole ones: the one beside the seam would show less
+    /// than its neighbours otherwise.
+    fn num_layers(&self) -> usize {
+        let [width, height] = self.image().map(|side| side as usize);
+        let all = pyramid::num_layers(width, height);
+        if self.wraps() { all.min(width.trailing_zeros() as usize + 1) } else { all }
+    }
+
+    /// The distance that says how large a voxel looks: its range, or, without perspective, always one metre.
+    #[inline(always)]
+    fn apparent_distance(&self, range: f32) -> f32 {
+        if Self::PERSPECTIVE { range } else { 1.0 }
+    }
+}
