@@ -27,7 +27,7 @@ use std::mem::swap;
 /// So many sensor models are kept.
 const MODELS: usize = 8;
 
-/// Buffers of the stages, kept from frame to frame, and the pool.
+/// Buffers of the stages, kept from frame to frame, and the pool. The stages may be called one by one, to measure them.
 pub struct CpuBackend {
     /// The sensor models of the last frames, the one in use first.
     models: Vec<(SensorModel, SensorTable)>,
@@ -96,8 +96,16 @@ impl CpuBackend {
         }
     }
 
+    /// Distances out of the image (Eq. 6).
+    ///
+    /// # Errors
+    /// As [`Ranges::compute`].
+    pub fn ranges(&mut self, config: &GridConfig, image: &DepthImage, sensor: &Sensor) -> Result<()> {
+        self.ranges.compute(image, sensor, config.max_range, config.beyond_max_range)
+    }
+
     /// The layers (Eq. 10), as the sensor model sees them.
-    fn pyramid<P: Projection>(&mut self, config: &GridConfig, view: &View<P>) {
+    pub fn pyramid<P: Projection>(&mut self, config: &GridConfig, view: &View<P>) {
         let count = view.projection.num_layers();
         let wanted = config.update.layers(view, count);
         self.pyramid.compute(&self.ranges, view.t_0, config.update.selection::<P>(), wanted.clone());
@@ -110,7 +118,7 @@ impl CpuBackend {
     }
 
     /// The blocks that the frame changes.
-    fn cull<P: Projection>(&mut self, config: &GridConfig, view: &View<P>) {
+    pub fn cull<P: Projection>(&mut self, config: &GridConfig, view: &View<P>) {
         let (layers, culled) = (&self.surfaces[..], &mut self.seen.culled);
         with_rule!(config.update, view, layers.len(), |rule| {
             cull(&Scope { view, layers, rule, enabled: config.cull }, &mut self.cull_buffers, culled)
@@ -118,7 +126,7 @@ impl CpuBackend {
     }
 
     /// What the frame does to each mixed block (Alg. 1).
-    fn update<P: Projection>(&mut self, config: &GridConfig, view: &View<P>) {
+    pub fn update<P: Projection>(&mut self, config: &GridConfig, view: &View<P>) {
         let (layers, Seen { culled, changes, .. }) = (&self.surfaces[..], &mut self.seen);
         with_rule!(config.update, view, layers.len(), |rule| {
             let scope = Scope { view, layers, rule, enabled: config.cull };
@@ -151,7 +159,7 @@ impl Backend for CpuBackend {
         let mut watch = Stopwatch::start();
         self.seen.seconds = StageSeconds::default();
 
-        self.ranges.compute(image, sensor, config.max_range, config.beyond_max_range)?;
+        self.ranges(config, image, sensor)?;
         self.seen.seconds.ranges = watch.lap();
 
         if config.update == UpdateRule::Rays {

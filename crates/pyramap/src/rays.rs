@@ -1,8 +1,8 @@
 //! Rays through a map: how far one can look, or move, until something is in the way.
 //!
 //! Each ray goes from one cube of voxels that does not stop it to the next. A few rays find the cubes in the map: whole
-//! blocks, or voxels. For many it pays to find out first how much room there is around every voxel ([`clearance`]); then
-//! cubes are as large as can be, and several rays go at once ([`lanes`]). Either way the voxel that stops a ray is the
+//! blocks, or voxels. For many it pays to find out first how much room there is around every voxel (`clearance`); then
+//! cubes are as large as can be, and several rays go at once (`lanes`). Either way the voxel that stops a ray is the
 //! one that plain stepping would find, and the distance has the same bits (see the module `ray`).
 
 mod clearance;

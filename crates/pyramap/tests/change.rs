@@ -225,7 +225,8 @@ fn factors_that_are_none_are_refused() {
 
 #[test]
 fn what_was_lost_cannot_be_taken_off() {
-    let changes: [(&str, fn(&mut OccupancyGrid) -> pyramap::Result<()>); 3] = [
+    type Erasure = fn(&mut OccupancyGrid) -> pyramap::Result<()>;
+    let changes: [(&str, Erasure); 3] = [
         ("decayed 1 times", |grid| grid.decay(0.9, None)),
         ("cleared or cropped 1 times", |grid| grid.clear(&region(REGIONS[0]))),
         ("cleared or cropped 1 times", |grid| grid.crop(&region(REGIONS[0]))),

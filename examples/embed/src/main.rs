@@ -42,7 +42,7 @@ fn run(folder: &Path) -> Result<(), Box<dyn std::error::Error>> {
             Err(error) => return Err(error.into()),
         }
     }
-    println!("{} frames, {} voxels seen, {} bytes", grid.num_frames(), grid.num_observed(), grid.nbytes());
+    println!("{} frames, {} voxels seen, {} bytes", grid.num_frames(), grid.num_observed()?, grid.nbytes());
 
     let way = &ahead[..PLANNED];
     match first_obstacle(&grid, way)? {

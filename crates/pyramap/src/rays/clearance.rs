@@ -34,55 +34,64 @@ type Bits = [[u32; SIDE]; SIDE];
 pub fn clearance(stops: &Window<Stops>, key: BlockKey, unknown: Unknown) -> Clearance {
     let absent = if unknown == Unknown::Occupied { Mask::ALL } else { Mask::NONE };
     let absent = Stops { all: absent, occupied: Mask::NONE };
-    let find = |key| stops.get(key).copied().unwrap_or(absent);
-    let mut near: Bits = [[0; SIDE]; SIDE];
-    let mut any = false;
-    for n in 0..27 {
-        let away = [n / 9, n / 3 % 3, n % 3];
-        let mask = find(std::array::from_fn(|a| key[a] + away[a] as i32 - 1)).all;
-        any |= !mask.is_empty();
-        for (x, word) in mask.words().iter().enumerate() {
-            for (y, byte) in word.to_le_bytes().into_iter().enumerate() {
-                near[away[0] * BLOCK_EDGE + x][away[1] * BLOCK_EDGE + y] |= u32::from(byte) << (away[2] * BLOCK_EDGE);
-            }
-        }
-    }
-    if !any {
+    let find = |key| *stops.get(key).unwrap_or(&absent);
+    let around: [Mask; 27] = std::array::from_fn(|n| {
+        let [x, y, z] = away(n);
+        find([key[0] + x as i32 - 1, key[1] + y as i32 - 1, key[2] + z as i32 - 1]).all
+    });
+    if around.iter().all(|mask| mask.is_empty()) {
         return [FARTHEST; BLOCK_VOXELS];
     }
+    let mut near = joined(&around);
     // Each time around one more layer of voxels is near; what is not yet so is farther by one.
-    let mut rows = [0_u64; BLOCK_VOXELS / BLOCK_EDGE];
-    for _ in 0..FARTHEST {
-        for (n, row) in rows.iter_mut().enumerate() {
-            let bits = near[BLOCK_EDGE + n / BLOCK_EDGE][BLOCK_EDGE + n % BLOCK_EDGE] >> BLOCK_EDGE;
-            *row += a_byte_each(!bits as u8);
+    let mut distances = [0_u64; BLOCK_VOXELS / BLOCK_EDGE];
+    for layer in 1..=usize::from(FARTHEST) {
+        for (n, distances) in distances.iter_mut().enumerate() {
+            let row = near[BLOCK_EDGE + n / BLOCK_EDGE][BLOCK_EDGE + n % BLOCK_EDGE] >> BLOCK_EDGE;
+            *distances += a_byte_each(!row as u8);
         }
-        near = grown(&near);
+        near = grown(&near, layer);
     }
-    let distances = rows.map(u64::to_le_bytes);
+    let distances = distances.map(u64::to_le_bytes);
     let mut clearance: Clearance = std::array::from_fn(|offset| distances[offset / BLOCK_EDGE][offset % BLOCK_EDGE]);
     let Stops { all, occupied } = find(key);
     (all & !occupied).offsets().for_each(|offset| clearance[offset] = UNKNOWN);
     clearance
 }
 
-/// All voxels that touch one of these, by a face, an edge or a corner, as far as there is room.
-fn grown(near: &Bits) -> Bits {
-    let mut along_z = *near;
-    along_z.iter_mut().flatten().for_each(|row| *row |= *row << 1 | *row >> 1);
-    let mut along_y = along_z;
-    for (out, rows) in along_y.iter_mut().zip(&along_z) {
-        for y in 1..SIDE - 1 {
-            out[y] = rows[y - 1] | rows[y] | rows[y + 1];
+/// Where the `n`-th of a block and its neighbours lies among them.
+fn away(n: usize) -> [usize; 3] {
+    [n / 9, n / 3 % 3, n % 3]
+}
+
+/// A block and its neighbours in one.
+fn joined(around: &[Mask; 27]) -> Bits {
+    let mut bits = [[0; SIDE]; SIDE];
+    for (n, mask) in around.iter().enumerate() {
+        let first = away(n).map(|n| n * BLOCK_EDGE);
+        for (x, word) in mask.words().iter().enumerate() {
+            for (y, byte) in word.to_le_bytes().into_iter().enumerate() {
+                bits[first[0] + x][first[1] + y] |= u32::from(byte) << first[2];
+            }
         }
     }
-    let mut along_x = along_y;
-    for x in 1..SIDE - 1 {
+    bits
+}
+
+/// All voxels that touch one of these, by a face, an edge or a corner, but for the outermost `layers` of them.
+fn grown(near: &Bits, layers: usize) -> Bits {
+    let mut grown = [[0; SIDE]; SIDE];
+    for x in layers..SIDE - layers {
+        let mut rows = [0; SIDE];
         for y in 0..SIDE {
-            along_x[x][y] = along_y[x - 1][y] | along_y[x][y] | along_y[x + 1][y];
+            let along_x = near[x - 1][y] | near[x][y] | near[x + 1][y];
+            rows[y] = along_x | along_x << 1 | along_x >> 1;
+        }
+        for y in 1..SIDE - 1 {
+            grown[x][y] = rows[y - 1] | rows[y] | rows[y + 1];
         }
     }
-    along_x
+    grown
 }
 
 /// The eight bits of a byte as eight bytes of 0 or 1, the lowest first.
