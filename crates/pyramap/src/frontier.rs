@@ -4,7 +4,7 @@
 //! free and shares a face with an unknown one: through a face a view or a robot can pass, through an edge or a corner
 //! hardly. Voxels of the frontier belong together if they touch at all, so that a slanted sheet is in one piece.
 //!
-//! Sets of voxels are bits ([`crate::mask`]). Each block finds its own part of the frontier, on all threads, in one read
+//! Sets of voxels are bits (`mask.rs`). Each block finds its own part of the frontier, on all threads, in one read
 //! of itself and of the faces of its neighbours; a block that is free throughout asks only what its six neighbours are.
 //! What then has to be joined is not voxels but the few connected patches of each block.
 
