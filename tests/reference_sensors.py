@@ -1,7 +1,7 @@
 """A naive reference of the method for sensors other than the pinhole camera, from the paper's equations ("Eq. n").
 
-It has the sensor model and the pyramid's windows from `reference.py`, and of its own what differs from sensor to sensor:
-where a point lies in the image, where a pixel looks, and how images wrap. Everything is float64.
+It has the sensor model and the pyramid's windows from `reference.py`, and of its own what differs from sensor to
+sensor: where a point lies in the image, where a pixel looks, and how images wrap. Everything is float64.
 """
 
 from __future__ import annotations

@@ -129,7 +129,7 @@ def layouts(array: NDArray[Any]) -> dict[str, NDArray[Any]]:
 @pytest.mark.parametrize("dtype", ["float32", "float64", "uint16"])
 def test_every_layout_of_depth_gives_the_same(dtype: str, tmp_path: Path) -> None:
     depth, camera, pose = random_frames(1, seed=5)[0]
-    options = {"depth_scale": 1000.0} if dtype == "uint16" else {}
+    options: dict[str, Any] = {"depth_scale": 1000.0} if dtype == "uint16" else {}
     depth = (np.nan_to_num(depth, posinf=0).clip(0, 60) * 1000 if options else depth).astype(dtype)
     files = {}
     for name, array in layouts(depth).items():
