@@ -20,6 +20,7 @@ __all__ = [
     "MapFullError",
     "Mesh",
     "OccupancyGrid",
+    "OrthographicCamera",
     "PinholeCamera",
     "RayHits",
     "Scene",
@@ -36,7 +37,7 @@ __all__ = [
 ]
 
 _Depth: TypeAlias = NDArray[np.float32] | NDArray[np.float64] | NDArray[np.uint16]
-_Sensor: TypeAlias = PinholeCamera | SphericalSensor
+_Sensor: TypeAlias = PinholeCamera | SphericalSensor | OrthographicCamera
 _Sigma: TypeAlias = float | tuple[float, float, float]
 _SurfaceOffset: TypeAlias = float | Literal["centred"]
 _Update: TypeAlias = Literal["pyramid", "area", "min_layer", "ideal", "rays"]
@@ -74,6 +75,26 @@ class Device:
 
 @final
 class PinholeCamera:
+    def __new__(cls, width: int, height: int, fx: float, fy: float, cx: float, cy: float) -> Self: ...
+    @property
+    def width(self) -> int: ...
+    @property
+    def height(self) -> int: ...
+    @property
+    def fx(self) -> float: ...
+    @property
+    def fy(self) -> float: ...
+    @property
+    def cx(self) -> float: ...
+    @property
+    def cy(self) -> float: ...
+    def __eq__(self, value: object, /) -> bool: ...
+    def __ne__(self, value: object, /) -> bool: ...
+    def __hash__(self) -> int: ...
+    def __reduce__(self) -> tuple[type[Self], tuple[int, int, float, float, float, float]]: ...
+
+@final
+class OrthographicCamera:
     def __new__(cls, width: int, height: int, fx: float, fy: float, cx: float, cy: float) -> Self: ...
     @property
     def width(self) -> int: ...

@@ -11,6 +11,7 @@ mod grid;
 mod mesh;
 mod queries;
 mod octomap;
+mod orthographic;
 mod scenes;
 mod sensor;
 mod sensors;
@@ -34,6 +35,7 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<camera::PinholeCamera>()?;
     m.add_class::<sensor::SensorModel>()?;
     m.add_class::<sensors::SphericalSensor>()?;
+    m.add_class::<orthographic::OrthographicCamera>()?;
     m.add_class::<grid::OccupancyGrid>()?;
     m.add_class::<stats::FrameStats>()?;
     m.add_class::<mesh::Mesh>()?;
