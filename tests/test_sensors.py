@@ -304,12 +304,64 @@ def test_places_that_a_map_cannot_hold(tmp_path: Path) -> None:
     before = map_bytes(grid, tmp_path)
     depth = np.full((8, 64), 2.0, np.float32)
     for fx, cx in ((0.1, 31.5), (20.0, -1e5)):
-        with pytest.raises(
-            ValueError, match="camera is one that sees places .* m off, expected no more than 4096 voxels"
-        ):
+        with pytest.raises(ValueError, match=r"camera is one that sees places .* m off, expected no more than 4096"):
             grid.integrate(depth, pm.OrthographicCamera(64, 8, fx, 20.0, cx, 3.5), IDENTITY)
     pose = np.eye(4)
     pose[0, 3] = 53_687_000.0  # within what a pinhole camera may be at
     with pytest.raises(ValueError, match="camera lies at 53687000 m, expected within 536869"):
         grid.integrate(depth, pm.OrthographicCamera(64, 8, 2.0, 20.0, 300.0, 3.5), pose)
     assert map_bytes(grid, tmp_path) == before
+
+
+# ---- point clouds and stereo ----
+
+
+@pytest.mark.parametrize("name", list(SENSORS))
+def test_clouds_become_images(name: str) -> None:
+    """Points in random order, several in most pixels, against one pixel after the other."""
+    sensor, reference = SENSORS[name]
+    rng = np.random.default_rng(2)
+    points = rng.uniform(-3, 3, (30_000, 3))
+    u, v, z = reference.project(points)
+    height, width = reference.shape()
+    # Not on the border of two pixels, where rounding and the table of uneven beams decide.
+    clear = (np.abs((u + 0.5) % 1 - 0.5) < 0.48) & (np.abs((v + 0.5) % 1 - 0.5) < 0.48) | np.isnan(u)
+    points, u, v, z = points[clear], u[clear], v[clear], z[clear]
+    with np.errstate(invalid="ignore"):
+        seen = (np.rint(u) >= 0) & (np.rint(u) < width) & (np.rint(v) >= 0) & (np.rint(v) < height)
+    expected = np.full((height, width), np.inf)
+    np.minimum.at(expected, (np.rint(v[seen]).astype(int), np.rint(u[seen]).astype(int)), z[seen])
+    expected[np.isinf(expected)] = 0
+
+    useless = [[NAN, 1, 1], [0, 0, 0], [1, INF, 1]]
+    ranges, lost = pm.range_image(np.concatenate([points, useless]), sensor)
+    assert ranges.dtype == np.float32
+    np.testing.assert_allclose(ranges, expected, rtol=1e-6)
+    pixels = np.count_nonzero(ranges)
+    assert lost == {"out_of_view": np.count_nonzero(~seen), "hidden": seen.sum() - pixels, "unusable": 3}
+    assert pixels > 500
+    grid = make_grid()
+    grid.integrate(ranges=ranges, camera=sensor, world_from_camera=IDENTITY)
+    assert grid.num_observed > 500
+
+
+def test_clouds_that_are_refused() -> None:
+    with pytest.raises(ValueError, match=r"points have shape \[3\]"):
+        pm.range_image([1.0, 2.0, 3.0], SPHERICAL)
+    with pytest.raises(TypeError, match="camera is a int, expected a PinholeCamera"):
+        pm.range_image([[1.0, 2.0, 3.0]], 3)  # type: ignore[arg-type]
+
+
+def test_depth_from_disparity() -> None:
+    disparity = np.array([[10.0, 0.0, -1.0], [NAN, INF, 0.5]])
+    for values in (disparity, disparity.astype(np.float32)):
+        depth = pm.depth_from_disparity(values, focal_length=500.0, baseline=0.12)
+        assert depth.dtype == np.float32
+        np.testing.assert_allclose(depth, [[6.0, 0.0, 0.0], [0.0, 0.0, 120.0]], rtol=1e-7)
+    assert np.isinf(pm.depth_from_disparity(np.array([[1e-300]]), 500.0, 0.12))
+    for name, value in (("focal_length", 0.0), ("baseline", -0.1), ("baseline", NAN), ("focal_length", INF)):
+        with pytest.raises(ValueError, match=f"{name} is {value}, expected a positive, finite number of"):
+            pm.depth_from_disparity(disparity, **{"focal_length": 500.0, "baseline": 0.12, name: value})
+    for wrong in (np.ones((2, 2), np.int16), np.ones(4)):
+        with pytest.raises(ValueError, match=r"disparity has shape .* expected \(H, W\) float32 or float64 pixels"):
+            pm.depth_from_disparity(wrong, 500.0, 0.12)  # type: ignore[arg-type]

@@ -31,9 +31,11 @@ from ._core import (
     load_octomap,
     num_threads,
     pyramid,
+    range_image,
     ranges,
     set_num_threads,
 )
+from .stereo import depth_from_disparity
 
 __all__ = [
     "OCTOMAP_CLAMP",
@@ -57,10 +59,12 @@ __all__ = [
     "ViewGain",
     "__version__",
     "datasets",
+    "depth_from_disparity",
     "devices",
     "load_octomap",
     "num_threads",
     "pyramid",
+    "range_image",
     "ranges",
     "scenes",
     "set_num_threads",

@@ -32,6 +32,7 @@ __all__ = [
     "load_octomap",
     "num_threads",
     "pyramid",
+    "range_image",
     "ranges",
     "set_num_threads",
 ]
@@ -373,6 +374,9 @@ class Scene:
     def render_ranges(self, camera: _Sensor, world_from_camera: ArrayLike) -> NDArray[np.float32]: ...
     def signed_distance(self, points: ArrayLike) -> NDArray[np.float64]: ...
 
+def range_image(
+    points: ArrayLike, camera: _Sensor
+) -> tuple[NDArray[np.float32], dict[Literal["out_of_view", "hidden", "unusable"], int]]: ...
 def ranges(depth: _Depth, camera: _Sensor, depth_scale: float | None = None) -> NDArray[np.float32]: ...
 def pyramid(
     depth: _Depth, camera: PinholeCamera, voxel_size: float, depth_scale: float | None = None

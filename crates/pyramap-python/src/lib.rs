@@ -2,6 +2,7 @@
 
 mod arrays;
 mod camera;
+mod clouds;
 mod devices;
 mod distance;
 mod change;
@@ -47,6 +48,7 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_function(wrap_pyfunction!(octomap::load_octomap, m)?)?;
     m.add_function(wrap_pyfunction!(stages::ranges, m)?)?;
     m.add_function(wrap_pyfunction!(stages::pyramid, m)?)?;
+    m.add_function(wrap_pyfunction!(clouds::range_image, m)?)?;
     m.add_function(wrap_pyfunction!(threads::set_num_threads, m)?)?;
     m.add_function(wrap_pyfunction!(threads::num_threads, m)?)?;
     scenes::register(m)

@@ -6,11 +6,13 @@
 mod orthographic;
 mod pinhole;
 mod projection;
+mod range_image;
 mod spherical;
 
 pub use orthographic::{Orthographic, OrthographicCamera};
 pub use pinhole::Pinhole;
 pub use projection::{Outline, PixelRay, Projected, Projection};
+pub use range_image::{LostPoints, RangeImage};
 pub use spherical::{ATAN_COEFFICIENTS, BOUND_SLACK, Rows, Spherical, SphericalSensor};
 
 use crate::camera::PinholeCamera;
