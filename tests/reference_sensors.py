@@ -1,7 +1,7 @@
 """A naive reference of the method for sensors other than the pinhole camera, from the paper's equations ("Eq. n").
 
-It has the sensor model and the pyramid's windows from `reference.py`, and of its own what differs from sensor to
-sensor: where a point lies in the image, where a pixel looks, and how images wrap. Everything is float64.
+It has the sensor model and the windows of layers from `reference.py`, and of its own what differs among sensors:
+where a point lies in the image, where a pixel looks, and how images wrap. Everything is float64.
 """
 
 from __future__ import annotations
@@ -93,6 +93,37 @@ class Lidar:
 
 
 @dataclass(frozen=True)
+class Parallel:
+    """Rays along z, `fx` and `fy` pixels a metre apart."""
+
+    width: int
+    height: int
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    wraps: bool = False
+    parallel: bool = True
+
+    @property
+    def focal_length(self) -> float:
+        return math.sqrt(self.fx * self.fy)
+
+    def shape(self) -> tuple[int, int]:
+        return self.height, self.width
+
+    def rays(self) -> tuple[Array, Array]:
+        v, u = np.mgrid[: self.height, : self.width]
+        starts = np.stack([(u - self.cx) / self.fx, (v - self.cy) / self.fy, np.zeros(u.shape)], axis=-1)
+        return starts, np.broadcast_to([0.0, 0.0, 1.0], starts.shape)
+
+    def project(self, points: Array) -> tuple[Array, Array, Array]:
+        x, y, z = points.T
+        before = np.where(z > 0, 1.0, np.nan)
+        return before * (self.fx * x + self.cx), before * (self.fy * y + self.cy), z
+
+
+@dataclass(frozen=True)
 class View:
     """One range image with all that says how to read it: (H, W) metres, the pose 4x4."""
 
@@ -126,9 +157,9 @@ class View:
     def texel(self, column: Array, row: Array, shape: tuple[int, ...]) -> tuple[Index, Index]:
         """The texel for a number of a column and a row, which may be beyond the border."""
         height, width = shape
-        columns = column.astype(int)
+        columns = np.nan_to_num(column).astype(int)
         columns = columns % width if self.sensor.wraps else np.clip(columns, 0, width - 1)
-        return np.clip(row.astype(int), 0, height - 1), columns
+        return np.clip(np.nan_to_num(row).astype(int), 0, height - 1), columns
 
 
 def interpolate(view: View, texels: Array, i: int, u: Array, v: Array, z: Array) -> Array:

@@ -388,3 +388,31 @@ def test_a_forked_child_is_told(on_gpu: Callable[..., pm.OccupancyGrid]) -> None
     assert child.exitcode == 0
     grid.integrate(*wall(1.2))
     assert grid.num_frames == 2
+
+
+@pytest.mark.parametrize("update", RULES)
+def test_frames_of_several_sensors(on_gpu: Callable[..., pm.OccupancyGrid], update: str) -> None:
+    """In turns into one map, some with a sensor model of their own; each can be taken off again."""
+    rng = np.random.default_rng(8)
+    offsets = [0.03 * (-1) ** row for row in range(32)]
+    sensors: list[Any] = [
+        CAMERA,
+        pm.SphericalSensor(512, (0.5, -0.5), height=32, row_offsets=offsets),
+        pm.OrthographicCamera(90, 70, 31.0, 27.0, 40.3, 33.8),
+        pm.SphericalSensor(100, np.linspace(-0.3, 0.4, 20), first_azimuth=-3.5, azimuth_span=1.4),
+    ]
+    gpu, cpu = on_gpu(update=update), make_grid(backend="cpu", update=update)
+    frames = []
+    for n in range(8):
+        sensor = sensors[n % 4]
+        columns = 1 + np.arange(sensor.width) // 20 % 4
+        ranges = columns * 0.5 + 0.01 * rng.standard_normal((sensor.height, sensor.width))
+        model = pm.SensorModel(0.08) if n > 4 else None
+        frames.append(({"ranges": ranges.astype(np.float32), "sensor_model": model}, sensor))
+    for arguments, sensor in frames:
+        for grid in (gpu, cpu):
+            grid.integrate(camera=sensor, world_from_camera=IDENTITY, **arguments)
+    assert_agree(gpu, cpu, len(frames))
+    for arguments, sensor in frames:
+        gpu.remove(camera=sensor, world_from_camera=IDENTITY, **arguments)
+    assert (gpu.num_blocks, gpu.num_frames) == (0, 0)

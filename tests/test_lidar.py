@@ -53,8 +53,8 @@ def frames(scene: pm.scenes.Scene, poses: list[Array]) -> list[dict[str, Any]]:
 
 @pytest.mark.parametrize("update", ["pyramid", "area", "min_layer"])
 def test_there_is_no_seam(frames: list[dict[str, Any]], update: Rule) -> None:
-    """Two maps of all ten places whose images begin half a turn apart. A seam would be a difference: what is on it in
-    one map is far from it in the other."""
+    """Two maps of all ten places whose images begin half a turn apart. A seam would be a difference: what
+    is on it in one map is far from it in the other."""
     whole, turned = make_grid(update), make_grid(update)
     for frame in frames:
         whole.integrate(**frame)

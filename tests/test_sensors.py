@@ -14,7 +14,7 @@ from compare import MAX_EXCUSED
 from frames import CAMERA, IDENTITY, make_grid, map_bytes, random_frames, random_pose
 from numpy.typing import NDArray
 from reference import UNIT, Array, Model
-from reference_sensors import RULES, TAU, Lidar, Sensor, View
+from reference_sensors import RULES, TAU, Lidar, Parallel, Sensor, View
 
 NAN, INF = math.nan, math.inf
 MAX_RANGE = 3.0
@@ -39,6 +39,10 @@ SENSORS: dict[str, tuple[Any, Sensor]] = {
     "sector of rising beams": (
         pm.SphericalSensor(60, np.linspace(-0.3, 0.4, 20), first_azimuth=-3.5, azimuth_span=1.4),
         Lidar(60, np.linspace(-0.3, 0.4, 20), -3.5, 1.4),
+    ),
+    "parallel rays": (
+        pm.OrthographicCamera(90, 70, 31.0, 27.0, 40.3, 33.8),
+        Parallel(90, 70, 31.0, 27.0, 40.3, 33.8),
     ),
 }
 
@@ -98,7 +102,7 @@ def test_every_rule_follows_the_reference(name: str, rule: Any, voxel_size: floa
     centres = voxel_centres(view, rng, 400 if rule == "ideal" else 2000)
     exact = np.where(view.visible(centres), RULES[rule](view, centres), np.nan)
     # 1e-3 is what maps are held to; weights that are off by a 64th may make that much of the step at a surface.
-    tabulated = name != "full turn" and rule != "ideal"
+    tabulated = "beams" in name and rule != "ideal"
     slack, tolerance = (TABLE, 0.05) if tabulated else (ROUNDING, 1e-3)
     doubt = doubtful(view, rule, centres, exact, slack, tolerance)
     expected, got = np.nan_to_num(np.rint(exact / UNIT) * UNIT), grid.log_odds(centres)
@@ -195,6 +199,12 @@ def test_sensors_are_values() -> None:
         np.testing.assert_array_equal(other.row_offsets, offsets)
     assert sensor != pm.SphericalSensor(64, (0.3, -0.3), 16)
     assert sensor != "sensor"
+    parallel = pm.OrthographicCamera(90, 70, 31.0, 27.0, 40.3, 33.8)
+    assert pickle.loads(pickle.dumps(parallel)) == parallel
+    assert hash(parallel) == hash(pm.OrthographicCamera(90, 70, 31.0, 27.0, 40.3, 33.8))
+    assert parallel != pm.OrthographicCamera(90, 70, 31.0, 27.0, 40.3, 33.9)
+    assert parallel != pm.PinholeCamera(90, 70, 31.0, 27.0, 40.3, 33.8)
+    assert repr(parallel) == "OrthographicCamera(width=90, height=70, fx=31, fy=27, cx=40.3, cy=33.8)"
     assert repr(sensor).startswith("<SphericalSensor 16 x 64 (height x width), elevations 0.3 to -0.3")
 
 
@@ -269,3 +279,89 @@ def test_frames_that_are_refused(options: dict[str, Any], error: type[Exception]
 def test_parameters_of_a_spherical_sensor(options: dict[str, Any], message: str) -> None:
     with pytest.raises(ValueError, match=message):
         pm.SphericalSensor(**{"width": 64, "elevations": (0.2, -0.2), "height": 8, **options})
+
+
+@pytest.mark.parametrize(
+    ("parameter", "value", "message"),
+    [
+        ("width", 0, "camera width is 0, expected 1 to 16384 pixels"),
+        ("height", -1, "camera height is -1, expected at least 1"),
+        ("fx", 0.0, "camera fx is 0, expected a positive, finite number of pixels a metre"),
+        ("fy", NAN, "camera fy is NaN"),
+        ("cx", INF, "camera cx is inf, expected a finite number of pixels"),
+        ("cy", NAN, "camera cy is NaN"),
+    ],
+)
+def test_parameters_of_an_orthographic_camera(parameter: str, value: float, message: str) -> None:
+    good: dict[str, Any] = {"width": 64, "height": 8, "fx": 20.0, "fy": 20.0, "cx": 31.5, "cy": 3.5}
+    with pytest.raises(ValueError, match=message):
+        pm.OrthographicCamera(**{**good, parameter: value})
+
+
+def test_places_that_a_map_cannot_hold(tmp_path: Path) -> None:
+    """Parallel rays may see far aside, so that an image may be larger than a map."""
+    grid = make_grid()
+    before = map_bytes(grid, tmp_path)
+    depth = np.full((8, 64), 2.0, np.float32)
+    for fx, cx in ((0.1, 31.5), (20.0, -1e5)):
+        with pytest.raises(ValueError, match=r"camera is one that sees places .* m off, expected no more than 4096"):
+            grid.integrate(depth, pm.OrthographicCamera(64, 8, fx, 20.0, cx, 3.5), IDENTITY)
+    pose = np.eye(4)
+    pose[0, 3] = 53_687_000.0  # within what a pinhole camera may be at
+    with pytest.raises(ValueError, match="camera lies at 53687000 m, expected within 536869"):
+        grid.integrate(depth, pm.OrthographicCamera(64, 8, 2.0, 20.0, 300.0, 3.5), pose)
+    assert map_bytes(grid, tmp_path) == before
+
+
+# ---- point clouds and stereo ----
+
+
+@pytest.mark.parametrize("name", list(SENSORS))
+def test_clouds_become_images(name: str) -> None:
+    """Points in random order, several in most pixels, against one pixel after the other."""
+    sensor, reference = SENSORS[name]
+    rng = np.random.default_rng(2)
+    points = rng.uniform(-3, 3, (30_000, 3))
+    u, v, z = reference.project(points)
+    height, width = reference.shape()
+    # Not on the border of two pixels, where rounding and the table of uneven beams decide.
+    clear = (np.abs((u + 0.5) % 1 - 0.5) < 0.48) & (np.abs((v + 0.5) % 1 - 0.5) < 0.48) | np.isnan(u)
+    points, u, v, z = points[clear], u[clear], v[clear], z[clear]
+    with np.errstate(invalid="ignore"):
+        seen = (np.rint(u) >= 0) & (np.rint(u) < width) & (np.rint(v) >= 0) & (np.rint(v) < height)
+    expected = np.full((height, width), np.inf)
+    np.minimum.at(expected, (np.rint(v[seen]).astype(int), np.rint(u[seen]).astype(int)), z[seen])
+    expected[np.isinf(expected)] = 0
+
+    useless = [[NAN, 1, 1], [0, 0, 0], [1, INF, 1]]
+    ranges, lost = pm.range_image(np.concatenate([points, useless]), sensor)
+    assert ranges.dtype == np.float32
+    np.testing.assert_allclose(ranges, expected, rtol=1e-6)
+    pixels = np.count_nonzero(ranges)
+    assert lost == {"out_of_view": np.count_nonzero(~seen), "hidden": seen.sum() - pixels, "unusable": 3}
+    assert pixels > 500
+    grid = make_grid()
+    grid.integrate(ranges=ranges, camera=sensor, world_from_camera=IDENTITY)
+    assert grid.num_observed > 500
+
+
+def test_clouds_that_are_refused() -> None:
+    with pytest.raises(ValueError, match=r"points have shape \[3\]"):
+        pm.range_image([1.0, 2.0, 3.0], SPHERICAL)
+    with pytest.raises(TypeError, match="camera is a int, expected a PinholeCamera"):
+        pm.range_image([[1.0, 2.0, 3.0]], 3)  # type: ignore[arg-type]
+
+
+def test_depth_from_disparity() -> None:
+    disparity = np.array([[10.0, 0.0, -1.0], [NAN, INF, 0.5]])
+    for values in (disparity, disparity.astype(np.float32)):
+        depth = pm.depth_from_disparity(values, focal_length=500.0, baseline=0.12)
+        assert depth.dtype == np.float32
+        np.testing.assert_allclose(depth, [[6.0, 0.0, 0.0], [0.0, 0.0, 120.0]], rtol=1e-7)
+    assert np.isinf(pm.depth_from_disparity(np.array([[1e-300]]), 500.0, 0.12))
+    for name, value in (("focal_length", 0.0), ("baseline", -0.1), ("baseline", NAN), ("focal_length", INF)):
+        with pytest.raises(ValueError, match=f"{name} is {value}, expected a positive, finite number of"):
+            pm.depth_from_disparity(disparity, **{"focal_length": 500.0, "baseline": 0.12, name: value})
+    for wrong in (np.ones((2, 2), np.int16), np.ones(4)):
+        with pytest.raises(ValueError, match=r"disparity has shape .* expected \(H, W\) float32 or float64 pixels"):
+            pm.depth_from_disparity(wrong, 500.0, 0.12)  # type: ignore[arg-type]

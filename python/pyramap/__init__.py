@@ -20,6 +20,7 @@ from ._core import (
     MapFullError,
     Mesh,
     OccupancyGrid,
+    OrthographicCamera,
     PinholeCamera,
     RayHits,
     SensorModel,
@@ -30,9 +31,11 @@ from ._core import (
     load_octomap,
     num_threads,
     pyramid,
+    range_image,
     ranges,
     set_num_threads,
 )
+from .stereo import depth_from_disparity
 
 __all__ = [
     "OCTOMAP_CLAMP",
@@ -48,6 +51,7 @@ __all__ = [
     "MapFullError",
     "Mesh",
     "OccupancyGrid",
+    "OrthographicCamera",
     "PinholeCamera",
     "RayHits",
     "SensorModel",
@@ -55,10 +59,12 @@ __all__ = [
     "ViewGain",
     "__version__",
     "datasets",
+    "depth_from_disparity",
     "devices",
     "load_octomap",
     "num_threads",
     "pyramid",
+    "range_image",
     "ranges",
     "scenes",
     "set_num_threads",

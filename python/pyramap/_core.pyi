@@ -20,6 +20,7 @@ __all__ = [
     "MapFullError",
     "Mesh",
     "OccupancyGrid",
+    "OrthographicCamera",
     "PinholeCamera",
     "RayHits",
     "Scene",
@@ -31,12 +32,13 @@ __all__ = [
     "load_octomap",
     "num_threads",
     "pyramid",
+    "range_image",
     "ranges",
     "set_num_threads",
 ]
 
 _Depth: TypeAlias = NDArray[np.float32] | NDArray[np.float64] | NDArray[np.uint16]
-_Sensor: TypeAlias = PinholeCamera | SphericalSensor
+_Sensor: TypeAlias = PinholeCamera | SphericalSensor | OrthographicCamera
 _Sigma: TypeAlias = float | tuple[float, float, float]
 _SurfaceOffset: TypeAlias = float | Literal["centred"]
 _Update: TypeAlias = Literal["pyramid", "area", "min_layer", "ideal", "rays"]
@@ -74,6 +76,26 @@ class Device:
 
 @final
 class PinholeCamera:
+    def __new__(cls, width: int, height: int, fx: float, fy: float, cx: float, cy: float) -> Self: ...
+    @property
+    def width(self) -> int: ...
+    @property
+    def height(self) -> int: ...
+    @property
+    def fx(self) -> float: ...
+    @property
+    def fy(self) -> float: ...
+    @property
+    def cx(self) -> float: ...
+    @property
+    def cy(self) -> float: ...
+    def __eq__(self, value: object, /) -> bool: ...
+    def __ne__(self, value: object, /) -> bool: ...
+    def __hash__(self) -> int: ...
+    def __reduce__(self) -> tuple[type[Self], tuple[int, int, float, float, float, float]]: ...
+
+@final
+class OrthographicCamera:
     def __new__(cls, width: int, height: int, fx: float, fy: float, cx: float, cy: float) -> Self: ...
     @property
     def width(self) -> int: ...
@@ -350,6 +372,9 @@ class Scene:
     def render_ranges(self, camera: _Sensor, world_from_camera: ArrayLike) -> NDArray[np.float32]: ...
     def signed_distance(self, points: ArrayLike) -> NDArray[np.float64]: ...
 
+def range_image(
+    points: ArrayLike, camera: _Sensor
+) -> tuple[NDArray[np.float32], dict[Literal["out_of_view", "hidden", "unusable"], int]]: ...
 def ranges(depth: _Depth, camera: _Sensor, depth_scale: float | None = None) -> NDArray[np.float32]: ...
 def pyramid(
     depth: _Depth, camera: PinholeCamera, voxel_size: float, depth_scale: float | None = None

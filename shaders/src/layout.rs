@@ -79,7 +79,7 @@ pub const SAME_FOR_ALL: u32 = 2;
 shared! {
     /// How far the cubes of one size reach around their centres; see [`pyramap::cull::Eighths`].
     struct Cube {
-        /// Across the frustum's sides.
+        /// Half its extent across the sides of a pinhole camera's frustum; in columns and rows of an orthographic one.
         across_sides: [f32; 4],
         /// Half the edge of the cube that holds the voxel centres, metres.
         voxels: f32,
@@ -87,8 +87,8 @@ shared! {
         projected: f32,
         /// Half the depth of that cube, metres.
         depth: f32,
-        /// Nothing.
-        _unused: u32,
+        /// Half the depth of the cube that holds the voxel centres, metres.
+        depth_of_voxels: f32,
     }
 
     /// A spherical sensor; see [`pyramap::sensors::Spherical`].
@@ -157,7 +157,7 @@ shared! {
         parts: [u32; 4],
         /// Polynomial of the range that gives sigma, metres.
         sigma: [f32; 4],
-        /// Focal lengths of a pinhole camera.
+        /// Focal lengths of a pinhole camera; pixels a metre of an orthographic one.
         focal: [f32; 2],
         /// Its principal point, counted from the image's border.
         principal: [f32; 2],

@@ -11,7 +11,7 @@ use Access::{Read, Write};
 use pyramap::block::{BLOCK_EDGE, BLOCK_VOXELS};
 use pyramap::cull::{DISTANCE_SLACK, MAX_LAYERS, PIXEL_SLACK, Reads};
 use pyramap::log_odds::STEPS;
-use pyramap::sensors::{ATAN_COEFFICIENTS, BOUND_SLACK, Pinhole, Projection, Spherical};
+use pyramap::sensors::{ATAN_COEFFICIENTS, BOUND_SLACK, Orthographic, Pinhole, Projection, Spherical};
 use pyramap::update::UpdateRule;
 use pyramap::update::area::Area;
 use pyramap::update::min_layer::MinLayer;
@@ -122,6 +122,8 @@ pub enum SensorKind {
     Pinhole,
     /// [`Spherical`].
     Spherical,
+    /// [`Orthographic`].
+    Orthographic,
 }
 
 /// Ranges, and all of the pyramid that can be told from 8 x 8 pixels, for the layers `first..count`.
@@ -258,6 +260,9 @@ impl SensorKind {
         let (perspective, angle, sensor) = match self {
             SensorKind::Pinhole => (Pinhole::PERSPECTIVE, String::new(), include_str!("sensors/pinhole.wgsl")),
             SensorKind::Spherical => (Spherical::PERSPECTIVE, angle(), include_str!("sensors/spherical.wgsl")),
+            SensorKind::Orthographic => {
+                (Orthographic::PERSPECTIVE, String::new(), include_str!("sensors/orthographic.wgsl"))
+            }
         };
         format!("const PERSPECTIVE: bool = {perspective};\n")
             + include_str!("sensors/projection.wgsl")

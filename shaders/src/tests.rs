@@ -9,7 +9,7 @@ use pyramap::PinholeCamera;
 use std::collections::HashSet;
 
 const SIGMAS: [Sigma; 2] = [Sigma::Constant, Sigma::Growing];
-const SENSORS: [SensorKind; 2] = [SensorKind::Pinhole, SensorKind::Spherical];
+const SENSORS: [SensorKind; 3] = [SensorKind::Pinhole, SensorKind::Spherical, SensorKind::Orthographic];
 const RULES: [UpdateRule; 3] = [UpdateRule::Pyramid, UpdateRule::MinLayer, UpdateRule::Area];
 const MAX_LAYERS: usize = PinholeCamera::MAX_SIDE.ilog2() as usize + 1;
 

@@ -5,7 +5,21 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
 /// The arguments of the constructor, in their order.
-type Intrinsics = (usize, usize, f64, f64, f64, f64);
+pub type Intrinsics = (usize, usize, f64, f64, f64, f64);
+
+/// A side of an image.
+pub fn side(name: &str, side: i64) -> PyResult<usize> {
+    usize::try_from(side).map_err(|_| PyValueError::new_err(format!("camera {name} is {side}, expected at least 1")))
+}
+
+/// The hash of a camera's numbers.
+pub fn hash(width: usize, height: usize, numbers: &[f64]) -> u64 {
+    use std::hash::{DefaultHasher, Hash, Hasher};
+    let mut hasher = DefaultHasher::new();
+    (width, height).hash(&mut hasher);
+    numbers.iter().for_each(|number| number.to_bits().hash(&mut hasher));
+    hasher.finish()
+}
 
 /// A pinhole camera without distortion.
 ///
@@ -31,10 +45,6 @@ impl PinholeCamera {
     #[new]
     #[pyo3(signature = (width, height, fx, fy, cx, cy))]
     fn new(width: i64, height: i64, fx: f64, fy: f64, cx: f64, cy: f64) -> PyResult<Self> {
-        let side = |name: &str, side: i64| {
-            usize::try_from(side)
-                .map_err(|_| PyValueError::new_err(format!("camera {name} is {side}, expected at least 1")))
-        };
         let camera = pyramap::PinholeCamera::new(side("width", width)?, side("height", height)?, fx, fy, cx, cy);
         camera.map(Self).map_err(to_py)
     }
@@ -76,11 +86,8 @@ impl PinholeCamera {
     }
 
     fn __hash__(&self) -> u64 {
-        use std::hash::{DefaultHasher, Hash, Hasher};
         let c = &self.0;
-        let mut hasher = DefaultHasher::new();
-        (c.width, c.height, [c.fx, c.fy, c.cx, c.cy].map(f64::to_bits)).hash(&mut hasher);
-        hasher.finish()
+        hash(c.width, c.height, &[c.fx, c.fy, c.cx, c.cy])
     }
 
     fn __reduce__(slf: &Bound<'_, Self>) -> (Py<PyAny>, Intrinsics) {

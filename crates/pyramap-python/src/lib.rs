@@ -2,6 +2,7 @@
 
 mod arrays;
 mod camera;
+mod clouds;
 mod devices;
 mod distance;
 mod change;
@@ -11,6 +12,7 @@ mod grid;
 mod mesh;
 mod queries;
 mod octomap;
+mod orthographic;
 mod scenes;
 mod sensor;
 mod sensors;
@@ -34,6 +36,7 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<camera::PinholeCamera>()?;
     m.add_class::<sensor::SensorModel>()?;
     m.add_class::<sensors::SphericalSensor>()?;
+    m.add_class::<orthographic::OrthographicCamera>()?;
     m.add_class::<grid::OccupancyGrid>()?;
     m.add_class::<stats::FrameStats>()?;
     m.add_class::<mesh::Mesh>()?;
@@ -45,6 +48,7 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_function(wrap_pyfunction!(octomap::load_octomap, m)?)?;
     m.add_function(wrap_pyfunction!(stages::ranges, m)?)?;
     m.add_function(wrap_pyfunction!(stages::pyramid, m)?)?;
+    m.add_function(wrap_pyfunction!(clouds::range_image, m)?)?;
     m.add_function(wrap_pyfunction!(threads::set_num_threads, m)?)?;
     m.add_function(wrap_pyfunction!(threads::num_threads, m)?)?;
     scenes::register(m)

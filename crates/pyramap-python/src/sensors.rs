@@ -4,6 +4,7 @@ use crate::arrays;
 use crate::camera::PinholeCamera;
 use crate::errors::to_py;
 use crate::grid::count;
+use crate::orthographic::OrthographicCamera;
 use numpy::PyArray1;
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
@@ -21,9 +22,13 @@ impl<'py> FromPyObject<'_, 'py> for AnySensor {
             Ok(Self(Sensor::from(&camera.get().0)))
         } else if let Ok(sensor) = value.cast::<SphericalSensor>() {
             Ok(Self(Sensor::from(&sensor.get().0)))
+        } else if let Ok(camera) = value.cast::<OrthographicCamera>() {
+            Ok(Self(Sensor::from(&camera.get().0)))
         } else {
             let got = arrays::type_name(&value);
-            Err(PyTypeError::new_err(format!("camera is a {got}, expected a PinholeCamera or SphericalSensor")))
+            Err(PyTypeError::new_err(format!(
+                "camera is a {got}, expected a PinholeCamera, SphericalSensor or OrthographicCamera"
+            )))
         }
     }
 }

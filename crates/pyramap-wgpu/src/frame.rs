@@ -22,7 +22,7 @@ use pyramap::block::{BLOCK_VOXELS, BlockKey};
 use pyramap::config::GridConfig;
 use pyramap::error::Result;
 use pyramap::ranges::range_per_reading;
-use pyramap::sensors::{Pinhole, Spherical};
+use pyramap::sensors::{Orthographic, Pinhole, Spherical};
 use pyramap::stats::{StageSeconds, Stopwatch};
 use pyramap::update::Change;
 use pyramap::view::View;
@@ -95,6 +95,9 @@ impl Frames {
             }
             Sensor::Spherical(spherical) => {
                 self.begin(gpu, config, image, sensor, &View::new(Spherical::new(spherical), pose, r, max_range))?
+            }
+            Sensor::Orthographic(camera) => {
+                self.begin(gpu, config, image, sensor, &View::new(Orthographic::new(camera), pose, r, max_range))?
             }
         };
         self.shots[this].upload = watch.lap();

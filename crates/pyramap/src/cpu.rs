@@ -12,7 +12,7 @@ use crate::pose::Pose;
 use crate::pyramid::Pyramid;
 use crate::ranges::Ranges;
 use crate::sensor::{SensorModel, SensorTable};
-use crate::sensors::{Pinhole, Projection, Sensor, Spherical};
+use crate::sensors::{Orthographic, Pinhole, Projection, Sensor, Spherical};
 use crate::stats::{StageSeconds, Stopwatch};
 use crate::surfaces::SurfaceLayer;
 use crate::update::area::Area;
@@ -175,6 +175,9 @@ impl Backend for CpuBackend {
             }
             Sensor::Spherical(sensor) => {
                 self.stages(config, &View::new(Spherical::new(sensor), pose, r, max_range), &mut watch);
+            }
+            Sensor::Orthographic(camera) => {
+                self.stages(config, &View::new(Orthographic::new(camera), pose, r, max_range), &mut watch);
             }
         }
         Ok(())

@@ -173,7 +173,7 @@ impl OccupancyGrid {
 
     /// The first half of a frame: the stages that change nothing.
     fn begin(&mut self, image: &DepthImage, sensor: &Sensor, pose: &Pose, sign: i32) -> Result<Frame> {
-        self.check_position(pose)?;
+        self.check_place(sensor, pose)?;
         ranges::check(image, sensor, self.config.max_range, self.config.beyond_max_range)?;
         self.backend.see(&self.config, image, sensor, pose)?;
         Ok(Frame { sign, stats: FrameStats::default(), submitted: None })
@@ -221,8 +221,22 @@ impl OccupancyGrid {
         Ok(Some(stats))
     }
 
-    fn check_position(&self, pose: &Pose) -> Result<()> {
-        let limit = self.config.coordinate_limit();
+    fn check_place(&self, sensor: &Sensor, pose: &Pose) -> Result<()> {
+        let (voxel_size, max_range) = (self.config.voxel_size, self.config.max_range);
+        let reach = sensor.reach(max_range);
+        if reach > GridConfig::MAX_VOXELS_IN_RANGE * voxel_size {
+            return Err(Error::Parameter {
+                name: "camera",
+                got: format!("one that sees places {reach} m off"),
+                expected: format!("no more than {} voxels, here of {voxel_size} m", GridConfig::MAX_VOXELS_IN_RANGE),
+            });
+        }
+        self.check_position(pose, reach - max_range)
+    }
+
+    /// Checks that a sensor which sees places farther off than the range by `more` sees none that has no coordinates.
+    fn check_position(&self, pose: &Pose, more: f64) -> Result<()> {
+        let limit = self.config.coordinate_limit() - more;
         match pose.translation.iter().find(|c| c.abs() > limit) {
             Some(&got) => Err(Error::OutOfBounds { what: "camera", got, limit, voxel_size: self.config.voxel_size }),
             None => Ok(()),

@@ -2,7 +2,7 @@
 
 use crate::gpu::Gpu;
 use pyramap::error::Result;
-use pyramap::sensors::{Pinhole, Projection, Spherical};
+use pyramap::sensors::{Orthographic, Pinhole, Projection, Spherical};
 use pyramap_shaders::SensorKind;
 use pyramap_shaders::layout::{Cube, Frame, Sphere};
 use wgpu::{Buffer, BufferUsages};
@@ -61,6 +61,26 @@ impl Described for Spherical<'_> {
 
     fn rows(&self) -> Option<&[[f32; 2]]> {
         Some(&self.rows.entries)
+    }
+}
+
+impl Described for Orthographic {
+    fn kind(&self) -> SensorKind {
+        SensorKind::Orthographic
+    }
+
+    fn describe(&self, frame: &mut Frame) {
+        (frame.focal, frame.principal) = (self.pixels_per_metre, self.principal);
+    }
+
+    fn describe_cube(size: &Self::Size, cube: &mut Cube) {
+        let [columns, rows] = size.pixels;
+        (cube.across_sides, cube.depth) = ([columns, rows, 0.0, 0.0], size.depth);
+        cube.depth_of_voxels = cube.voxels * size.depth_of_unit;
+    }
+
+    fn rows(&self) -> Option<&[[f32; 2]]> {
+        None
     }
 }
 

@@ -107,6 +107,9 @@ fn on_cpu(config: &GridConfig, image: &DepthImage, sensor: impl Into<Sensor>, po
     match &sensor {
         Sensor::Pinhole(camera) => seen_by(config, image, &sensor, View::new(Pinhole::new(camera), pose, r, max_range)),
         Sensor::Spherical(it) => seen_by(config, image, &sensor, View::new(Spherical::new(it), pose, r, max_range)),
+        Sensor::Orthographic(it) => {
+            seen_by(config, image, &sensor, View::new(Orthographic::new(it), pose, r, max_range))
+        }
     }
 }
 

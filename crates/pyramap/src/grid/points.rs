@@ -19,7 +19,7 @@ impl OccupancyGrid {
             return Err(Error::Unsupported { operation: "integrate_points", reason });
         }
         self.synchronize()?;
-        self.check_position(pose)?;
+        self.check_position(pose, 0.0)?;
         self.backend.see_points(&self.config, points, pose)?;
         self.finish(Frame { sign: 1, stats: FrameStats::default(), submitted: None })
     }

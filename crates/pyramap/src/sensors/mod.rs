@@ -3,12 +3,16 @@
 //! [`Sensor`] is any of them. A frame's stages are compiled for each [`Projection`] by itself; the pyramid, the cull and
 //! the update rules are the same for all.
 
+mod orthographic;
 mod pinhole;
 mod projection;
+mod range_image;
 mod spherical;
 
+pub use orthographic::{Orthographic, OrthographicCamera};
 pub use pinhole::Pinhole;
 pub use projection::{Outline, PixelRay, Projected, Projection};
+pub use range_image::{LostPoints, RangeImage};
 pub use spherical::{ATAN_COEFFICIENTS, BOUND_SLACK, Rows, Spherical, SphericalSensor};
 
 use crate::camera::PinholeCamera;
@@ -20,6 +24,8 @@ pub enum Sensor {
     Pinhole(PinholeCamera),
     /// A LiDAR, spinning or not.
     Spherical(SphericalSensor),
+    /// Parallel rays.
+    Orthographic(OrthographicCamera),
 }
 
 impl Sensor {
@@ -28,6 +34,7 @@ impl Sensor {
         match self {
             Sensor::Pinhole(camera) => camera.width,
             Sensor::Spherical(sensor) => sensor.width(),
+            Sensor::Orthographic(camera) => camera.width,
         }
     }
 
@@ -36,6 +43,7 @@ impl Sensor {
         match self {
             Sensor::Pinhole(camera) => camera.height,
             Sensor::Spherical(sensor) => sensor.height(),
+            Sensor::Orthographic(camera) => camera.height,
         }
     }
 
@@ -44,6 +52,7 @@ impl Sensor {
         match self {
             Sensor::Pinhole(camera) => camera.ray(column, row),
             Sensor::Spherical(sensor) => sensor.ray(column, row),
+            Sensor::Orthographic(camera) => camera.ray(column, row),
         }
     }
 
@@ -59,7 +68,15 @@ impl Sensor {
     pub(crate) fn range_per_depth(&self, column: usize, row: usize) -> f32 {
         match self {
             Sensor::Pinhole(camera) => camera.range_per_depth(column as f64, row as f64) as f32,
-            Sensor::Spherical(_) => 1.0,
+            Sensor::Spherical(_) | Sensor::Orthographic(_) => 1.0,
+        }
+    }
+
+    /// How far from its pose along any axis the sensor sees, metres.
+    pub(crate) fn reach(&self, max_range: f64) -> f64 {
+        match self {
+            Sensor::Pinhole(_) | Sensor::Spherical(_) => max_range,
+            Sensor::Orthographic(camera) => camera.aside().hypot(max_range),
         }
     }
 
@@ -82,6 +99,12 @@ impl From<&PinholeCamera> for Sensor {
 impl From<&SphericalSensor> for Sensor {
     fn from(sensor: &SphericalSensor) -> Self {
         Sensor::Spherical(sensor.clone())
+    }
+}
+
+impl From<&OrthographicCamera> for Sensor {
+    fn from(camera: &OrthographicCamera) -> Self {
+        Sensor::Orthographic(*camera)
     }
 }
 

@@ -217,7 +217,7 @@ impl Parameters {
 
     fn validate_rows(&self) -> Result<()> {
         let refuse = |name, got: String, expected: &str| Err(Error::Parameter { name, got, expected: expected.into() });
-        if let Some((row, got)) = self.elevations.iter().enumerate().find(|(_, e)| !(0.0..FRAC_PI_2).contains(&e.abs())) {
+        if let Some((row, got)) = self.elevations.iter().enumerate().find(|(_, e)| e.is_nan() || e.abs() >= FRAC_PI_2) {
             return refuse("elevations", format!("{got} in row {row}"), "between -pi/2 and pi/2 radians");
         }
         let sense = |a: f64, b: f64| if b > a { 1.0 } else { -1.0 };
@@ -235,7 +235,7 @@ impl Parameters {
             let (got, expected) = (self.row_offsets.len(), self.elevations.len());
             return refuse("row_offsets", format!("{got} numbers"), &format!("one for each of {expected} rows"));
         }
-        if let Some((row, got)) = self.row_offsets.iter().enumerate().find(|(_, o)| !(0.0..=TAU).contains(&o.abs())) {
+        if let Some((row, got)) = self.row_offsets.iter().enumerate().find(|(_, o)| o.is_nan() || o.abs() > TAU) {
             return refuse("row_offsets", format!("{got} in row {row}"), "within 2 pi radians");
         }
         if self.azimuth_span.abs() != TAU {

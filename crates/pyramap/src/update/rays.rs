@@ -16,7 +16,7 @@ use crate::log_odds;
 use crate::mask::Mask;
 use crate::pose::Pose;
 use crate::ranges::{BeyondMaxRange, Ranges};
-use crate::sensors::Sensor;
+use crate::sensors::{PixelRay, Sensor};
 use hashbrown::HashMap;
 use nalgebra::Vector3;
 use rayon::prelude::*;
@@ -36,13 +36,12 @@ type Point = [f32; 3];
 /// The rays of one frame.
 #[derive(Debug)]
 pub struct Scan {
-    /// Where all rays start.
-    origin: Point,
     rays: Vec<Ray>,
 }
 
 #[derive(Debug)]
 struct Ray {
+    start: Point,
     end: Point,
     /// Whether it ends at a surface.
     hit: bool,
@@ -55,12 +54,13 @@ impl Scan {
         let rays = rows.flat_map_iter(|(v, row)| {
             let measured = row.iter().enumerate().filter(|(_, range)| **range > 0.0);
             measured.map(move |(u, &range)| {
-                let along = pose.rotation * sensor.aligned_ray(u, v).direction;
-                let end = pose.translation + along * f64::from(range).min(max_range);
-                Ray { end: single(&end), hit: range.is_finite() }
+                let PixelRay { start, direction } = sensor.aligned_ray(u, v);
+                let (start, along) = (pose.rotation * start + pose.translation, pose.rotation * direction);
+                let end = start + along * f64::from(range).min(max_range);
+                Ray { start: single(&start), end: single(&end), hit: range.is_finite() }
             })
         });
-        Self { origin: single(&pose.translation), rays: rays.collect() }
+        Self { rays: rays.collect() }
     }
 
     /// The rays to points in the sensor's frame; those that are not finite say nothing.
@@ -68,16 +68,18 @@ impl Scan {
     /// # Errors
     /// [`Error::Parameter`] if no point says anything.
     pub fn of_points(points: &[[f64; 3]], pose: &Pose, config: &GridConfig) -> Result<Self> {
-        let origin = single(&pose.translation);
+        let start = single(&pose.translation);
         let ray = |point: &[f64; 3]| {
             let point = Vector3::from(*point);
             if !point.iter().all(|c| c.is_finite()) {
                 return None;
             }
             let end = single(&(pose.rotation * point + pose.translation));
-            match shortened(origin, end, config.max_range) {
-                None => Some(Ray { end, hit: true }),
-                Some(end) => (config.beyond_max_range == BeyondMaxRange::Free).then_some(Ray { end, hit: false }),
+            match shortened(start, end, config.max_range) {
+                None => Some(Ray { start, end, hit: true }),
+                Some(end) => {
+                    (config.beyond_max_range == BeyondMaxRange::Free).then_some(Ray { start, end, hit: false })
+                }
             }
         };
         let rays: Vec<Ray> = points.par_iter().with_min_len(1024).filter_map(ray).collect();
@@ -89,7 +91,7 @@ impl Scan {
                     .into(),
             });
         }
-        Ok(Self { origin, rays })
+        Ok(Self { rays })
     }
 
     /// Computes what the scan does to the blocks that it passes: their keys, and for each a change and increments.
@@ -117,7 +119,7 @@ impl Scan {
     /// The voxels that rays pass or end in, by block.
     fn marks(&self, voxel_size: f64) -> Marked {
         let marker = |mut marker: Marker, ray: &Ray| {
-            traverse(self.origin, ray.end, voxel_size, |voxel| marker.mark(voxel, false));
+            traverse(ray.start, ray.end, voxel_size, |voxel| marker.mark(voxel, false));
             if ray.hit {
                 marker.mark(voxel_of(ray.end, voxel_size), true);
             }

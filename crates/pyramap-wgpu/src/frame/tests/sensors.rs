@@ -1,7 +1,7 @@
 //! Frames of every sensor, up to commit.
 
 use super::*;
-use pyramap::SphericalSensor;
+use pyramap::{OrthographicCamera, SphericalSensor};
 use std::f64::consts::TAU;
 
 fn spinning(width: usize, height: usize) -> SphericalSensor {
@@ -23,6 +23,7 @@ fn all_sensors() -> Vec<(&'static str, Sensor)> {
         ("shifted rows", (&spinning(256, 32).with_row_offsets(&offsets).unwrap()).into()),
         ("one row", (&SphericalSensor::new(360, &[0.0]).unwrap()).into()),
         ("a time-of-flight camera", (&camera(97, 60)).into()),
+        ("parallel rays", (&OrthographicCamera::new(70, 60, 25.0, 31.0, 22.0, 40.5).unwrap()).into()),
     ]
 }
 
@@ -97,7 +98,8 @@ fn sensors_take_turns() {
     let Some(gpu) = gpu() else { return };
     let config = config(0.1, UpdateRule::Pyramid);
     let mut frames = Frames::with_room(&gpu, &config, Room { free: 1, mixed: 2, page_blocks: 30 }).unwrap();
-    let sensors: [Sensor; 3] = [(&camera(60, 40)).into(), (&spinning(128, 16)).into(), (&spinning(90, 20)).into()];
+    let parallel = OrthographicCamera::new(50, 40, 20.0, 20.0, 25.0, 20.0).unwrap();
+    let sensors: [Sensor; 3] = [(&camera(60, 40)).into(), (&spinning(128, 16)).into(), (&parallel).into()];
     let growing = SensorModel::new([0.02, 0.002, 0.01], None, SurfaceOffset::Centred).unwrap();
     let models = [SensorModel::constant(0.08).unwrap(), growing];
     let mut expected = VecDeque::new();
