@@ -402,7 +402,7 @@ def test_frames_of_several_sensors(on_gpu: Callable[..., pm.OccupancyGrid], upda
         pm.SphericalSensor(100, np.linspace(-0.3, 0.4, 20), first_azimuth=-3.5, azimuth_span=1.4),
     ]
     gpu, cpu = on_gpu(update=update), make_grid(backend="cpu", update=update)
-    frames = []
+    frames: list[tuple[dict[str, Any], Any]] = []
     for n in range(8):
         sensor = sensors[n % 4]
         columns = 1 + np.arange(sensor.width) // 20 % 4

@@ -29,7 +29,9 @@ impl<'py> ImageArray<'py> {
         match (depth, ranges) {
             (Some(depth), None) => Self::depth(depth, depth_scale),
             (None, Some(ranges)) => Self::new(ranges, depth_scale, "ranges", Reading::Range),
-            (None, None) => Err(PyValueError::new_err("depth is a NoneType, expected a (H, W) numpy array, or ranges instead")),
+            (None, None) => {
+                Err(PyValueError::new_err("depth is a NoneType, expected a (H, W) numpy array, or ranges instead"))
+            }
             (Some(_), Some(_)) => Err(PyValueError::new_err("depth and ranges are both given, expected one of them")),
         }
     }
@@ -184,10 +186,7 @@ fn float64(value: &Bound<'_, PyAny>, name: &str) -> PyResult<(Vec<f64>, Vec<usiz
 }
 
 /// The same without a copy where it is such an array already.
-fn float64_array<'py>(
-    value: &Bound<'py, PyAny>,
-    name: &str,
-) -> PyResult<(PyReadonlyArrayDyn<'py, f64>, Vec<usize>)> {
+fn float64_array<'py>(value: &Bound<'py, PyAny>, name: &str) -> PyResult<(PyReadonlyArrayDyn<'py, f64>, Vec<usize>)> {
     let array = value.py().import("numpy")?.call_method1("require", (value, "float64", "CA")).map_err(|error| {
         PyValueError::new_err(format!("{name} is a {} that is no array of numbers: {error}", type_name(value)))
     })?;

@@ -2,17 +2,17 @@
 
 mod arrays;
 mod camera;
+mod change;
 mod clouds;
 mod devices;
 mod distance;
-mod change;
 mod errors;
 mod explore;
 mod grid;
 mod mesh;
-mod queries;
 mod octomap;
 mod orthographic;
+mod queries;
 mod scenes;
 mod sensor;
 mod sensors;

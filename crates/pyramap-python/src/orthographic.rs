@@ -86,6 +86,9 @@ impl OrthographicCamera {
     fn __repr__(&self) -> String {
         let c = &self.0;
         let (width, height) = (c.width, c.height);
-        format!("OrthographicCamera(width={width}, height={height}, fx={}, fy={}, cx={}, cy={})", c.fx, c.fy, c.cx, c.cy)
+        format!(
+            "OrthographicCamera(width={width}, height={height}, fx={}, fy={}, cx={}, cy={})",
+            c.fx, c.fy, c.cx, c.cy
+        )
     }
 }

@@ -1,7 +1,7 @@
 //! What a frame did, and how long each stage took.
 
-use crate::block::BLOCK_VOXELS;
 use crate::backend::Seen;
+use crate::block::BLOCK_VOXELS;
 use crate::update::Change;
 use std::sync::{Arc, OnceLock};
 use std::time::Instant;
