@@ -105,9 +105,11 @@ impl OnDevice {
 fn known<'a>(config: &GridConfig, image: &DepthImage, sensor: &'a Sensor) -> Result<&'a PinholeCamera> {
     let own_model = image.sensor_model().is_some_and(|model| model != config.sensor_model);
     match sensor {
-        Sensor::Pinhole(camera) if image.reading() == Reading::Depth && !own_model => Ok(camera),
+        Sensor::Pinhole(camera) if camera.lens().is_none() && image.reading() == Reading::Depth && !own_model => {
+            Ok(camera)
+        }
         _ => {
-            let reason = "the backend gpu takes depth images of pinhole cameras only, fused with the map's sensor model: use \
+            let reason = "the backend gpu takes depth images of pinhole cameras without distortion only, fused with the map's sensor model: use \
                           the backend cpu";
             Err(Error::Unsupported { operation: "integrate", reason: reason.into() })
         }
