@@ -65,7 +65,7 @@ pub use query::Interpolation;
 pub use ranges::BeyondMaxRange;
 pub use region::Region;
 pub use rays::RayHits;
-pub use sensors::{OrthographicCamera, Sensor, SphericalSensor};
+pub use sensors::{Distortion, OrthographicCamera, Sensor, SphericalSensor};
 pub use sensor::{SensorModel, SurfaceOffset};
 pub use state::{State, Unknown};
 pub use stats::FrameStats;
