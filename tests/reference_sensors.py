@@ -93,6 +93,60 @@ class Lidar:
 
 
 @dataclass(frozen=True)
+class Distorted:
+    """A pinhole camera behind a radial-tangential lens that does not fold back within the image."""
+
+    width: int
+    height: int
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    distortion: tuple[float, float, float, float, float]
+    wraps: bool = False
+    parallel: bool = False
+
+    @property
+    def focal_length(self) -> float:
+        return math.sqrt(self.fx * self.fy)
+
+    def shape(self) -> tuple[int, int]:
+        return self.height, self.width
+
+    def distorted(self, x: Array, y: Array) -> tuple[Array, Array]:
+        k1, k2, p1, p2, k3 = self.distortion
+        r2 = x**2 + y**2
+        radial = 1 + k1 * r2 + k2 * r2**2 + k3 * r2**3
+        return (
+            x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x**2),
+            y * radial + p1 * (r2 + 2 * y**2) + 2 * p2 * x * y,
+        )
+
+    def rays(self) -> tuple[Array, Array]:
+        v, u = np.mgrid[: self.height, : self.width].astype(float)
+        x_d, y_d = (u - self.cx) / self.fx, (v - self.cy) / self.fy
+        # The usual fixed point: what the lens adds is taken off again until nothing changes.
+        x, y = x_d, y_d
+        for _ in range(500):
+            moved_x, moved_y = self.distorted(x, y)
+            x, y = x + 0.7 * (x_d - moved_x), y + 0.7 * (y_d - moved_y)
+        assert np.abs(np.stack(self.distorted(x, y)) - np.stack([x_d, y_d])).max() < 1e-12
+        directions = np.stack([x, y, np.ones_like(x)], axis=-1)
+        return np.zeros_like(directions), directions / np.linalg.norm(directions, axis=-1, keepdims=True)
+
+    def project(self, points: Array) -> tuple[Array, Array, Array]:
+        x, y, z = points.T
+        # Beyond the corners of the image nothing is seen, wherever the polynomial leads.
+        directions = self.rays()[1]
+        corners = np.hypot(directions[..., 0], directions[..., 1]).max() / 0.99
+        distance = np.linalg.norm(points, axis=1)
+        before = np.where((z > 0) & (np.hypot(x, y) < corners * distance), 1.0, np.nan)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            x_d, y_d = self.distorted(before * x / z, before * y / z)
+        return self.fx * x_d + self.cx, self.fy * y_d + self.cy, distance
+
+
+@dataclass(frozen=True)
 class Parallel:
     """Rays along z, `fx` and `fy` pixels a metre apart."""
 

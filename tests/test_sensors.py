@@ -14,7 +14,7 @@ from compare import MAX_EXCUSED
 from frames import CAMERA, IDENTITY, make_grid, map_bytes, random_frames, random_pose
 from numpy.typing import NDArray
 from reference import UNIT, Array, Model
-from reference_sensors import RULES, TAU, Lidar, Parallel, Sensor, View
+from reference_sensors import RULES, TAU, Distorted, Lidar, Parallel, Sensor, View
 
 NAN, INF = math.nan, math.inf
 MAX_RANGE = 3.0
@@ -39,6 +39,14 @@ SENSORS: dict[str, tuple[Any, Sensor]] = {
     "sector of rising beams": (
         pm.SphericalSensor(60, np.linspace(-0.3, 0.4, 20), first_azimuth=-3.5, azimuth_span=1.4),
         Lidar(60, np.linspace(-0.3, 0.4, 20), -3.5, 1.4),
+    ),
+    "barrel lens": (
+        pm.PinholeCamera(80, 60, 60.0, 61.0, 41.3, 27.9, (-0.28, 0.07, 0.001, -0.002)),
+        Distorted(80, 60, 60.0, 61.0, 41.3, 27.9, (-0.28, 0.07, 0.001, -0.002, 0.0)),
+    ),
+    "pincushion lens": (
+        pm.PinholeCamera(80, 60, 70.0, 69.0, 38.0, 30.2, (0.15, 0.02, 0.001, -0.002, 0.01)),
+        Distorted(80, 60, 70.0, 69.0, 38.0, 30.2, (0.15, 0.02, 0.001, -0.002, 0.01)),
     ),
     "parallel rays": (
         pm.OrthographicCamera(90, 70, 31.0, 27.0, 40.3, 33.8),
@@ -365,3 +373,68 @@ def test_depth_from_disparity() -> None:
     for wrong in (np.ones((2, 2), np.int16), np.ones(4)):
         with pytest.raises(ValueError, match=r"disparity has shape .* expected \(H, W\) float32 or float64 pixels"):
             pm.depth_from_disparity(wrong, 500.0, 0.12)  # type: ignore[arg-type]
+
+
+# ---- lenses ----
+
+
+def test_no_distortion_is_no_lens(tmp_path: Path) -> None:
+    depth, camera, pose = random_frames(1, seed=9)[0]
+    numbers = (camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy)
+    same = pm.PinholeCamera(*numbers, distortion=(0.0, 0.0, 0.0, 0.0, 0.0))
+    assert same == camera
+    assert same.distortion is None
+    lens = pm.PinholeCamera(*numbers, distortion=(-0.1, 0.01, 0.0, 0.001))
+    assert lens.distortion == (-0.1, 0.01, 0.0, 0.001, 0.0)
+    assert lens != camera
+    assert pickle.loads(pickle.dumps(lens)) == lens
+    assert hash(lens) == hash(pm.PinholeCamera(*numbers, distortion=[-0.1, 0.01, 0.0, 0.001, 0.0]))
+    assert repr(lens).endswith("cx=31.2, cy=23.9, distortion=(-0.1, 0.01, 0.0, 0.001, 0.0))")
+    # A lens that does next to nothing makes next to the same map.
+    maps = [make_grid(update="area") for _ in range(2)]
+    for grid, one in zip(maps, (camera, pm.PinholeCamera(*numbers, distortion=(1e-12, 0.0, 0.0, 0.0))), strict=True):
+        grid.integrate(depth, one, pose)
+    coords = maps[0].block_coords()
+    difference = np.abs(maps[0].block_log_odds(coords) - maps[1].block_log_odds(coords))
+    assert (difference > 1e-3).mean() < 1e-3
+
+
+def test_depth_and_ranges_of_a_lens() -> None:
+    camera, reference = SENSORS["barrel lens"]
+    directions = reference.rays()[1]
+    depth = np.full((60, 80), 2.0, np.float32)
+    np.testing.assert_allclose(pm.ranges(depth, camera), 2 / directions[..., 2], rtol=1e-6)
+    scene = pm.scenes.spheres()
+    pose = scene.poses()[0]
+    depth, ranges = scene.render(camera, pose), scene.render_ranges(camera, pose)
+    np.testing.assert_allclose(depth, ranges * directions[..., 2], rtol=1e-6)
+    points = (ranges[..., None] * directions).reshape(-1, 3) @ pose[:3, :3].T + pose[:3, 3]
+    assert np.abs(scene.signed_distance(points)).max() < 1e-5
+
+
+def test_a_lens_that_folds_back_leaves_pixels_without_a_reading() -> None:
+    camera = pm.PinholeCamera(80, 60, 60.0, 60.0, 39.5, 29.5, distortion=(-0.4, 0.0, 0.0, 0.0))
+    ranges = pm.ranges(np.full((60, 80), 2.0, np.float32), camera)
+    # r - 0.4 r^3 reaches 0.61 at most, at r = 0.91, and is taken as far as it still rises at a tenth of its rate.
+    v, u = np.mgrid[:60, :80]
+    distorted = np.hypot(u - 39.5, v - 29.5) / 60
+    assert (ranges[distorted < 0.59] > 2).all()
+    assert (ranges[distorted > 0.61] == 0).all()
+    assert ((distorted > 0.61) & (distorted < 0.7)).any()
+
+
+@pytest.mark.parametrize(
+    ("distortion", "message"),
+    [
+        ((0.1,), "distortion is 1 numbers, expected k1, k2, p1, p2 and perhaps k3"),
+        ((0.1,) * 8, "distortion is 8 numbers"),
+        (0.1, r"distortion has shape \[\], expected \(N,\)"),
+        ("wide", "distortion is a str that is no array of numbers"),
+        ((NAN, 0, 0, 0), "distortion is .NaN, 0.0, 0.0, 0.0, 0.0., expected finite coefficients"),
+        ((0, 0, 0, INF, 0), "distortion is .*inf.*, expected finite coefficients"),
+        ((-1e6, 0, 0, 0), "distortion is .*, expected a lens that has an image around its axis"),
+    ],
+)
+def test_distortions_that_are_refused(distortion: Any, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        pm.PinholeCamera(80, 60, 60.0, 60.0, 39.5, 29.5, distortion)

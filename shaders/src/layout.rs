@@ -91,6 +91,26 @@ shared! {
         depth_of_voxels: f32,
     }
 
+    /// A lens that distorts; see [`pyramap::sensors::Lens`].
+    struct Distortion {
+        /// The most that columns change with x and with y, and rows.
+        stretch: [f32; 4],
+        /// Radial.
+        k1: f32,
+        /// Radial.
+        k2: f32,
+        /// Tangential.
+        p1: f32,
+        /// Tangential.
+        p2: f32,
+        /// Radial.
+        k3: f32,
+        /// How far from the axis anything is in sight, at one metre.
+        radius: f32,
+        /// Nothing.
+        _unused: [f32; 2],
+    }
+
     /// A spherical sensor; see [`pyramap::sensors::Spherical`].
     struct Sphere {
         /// The power of two of columns in which azimuths are counted.
@@ -149,6 +169,8 @@ shared! {
         block: Cube,
         /// The cube of 2 x 2 x 2 voxels.
         pair: Cube,
+        /// The lens, if it distorts.
+        distortion: Distortion,
         /// The sensor, if it is spherical.
         sphere: Sphere,
         /// Blocks of the box along each axis.

@@ -11,7 +11,9 @@ use Access::{Read, Write};
 use pyramap::block::{BLOCK_EDGE, BLOCK_VOXELS};
 use pyramap::cull::{DISTANCE_SLACK, MAX_LAYERS, PIXEL_SLACK, Reads};
 use pyramap::log_odds::STEPS;
-use pyramap::sensors::{ATAN_COEFFICIENTS, BOUND_SLACK, Orthographic, Pinhole, Projection, Spherical};
+use pyramap::sensors::{
+    ATAN_COEFFICIENTS, BOUND_SLACK, DistortedPinhole, Orthographic, Pinhole, Projection, Spherical,
+};
 use pyramap::update::UpdateRule;
 use pyramap::update::area::Area;
 use pyramap::update::min_layer::MinLayer;
@@ -120,6 +122,8 @@ pub enum Sigma {
 pub enum SensorKind {
     /// [`Pinhole`].
     Pinhole,
+    /// [`DistortedPinhole`].
+    DistortedPinhole,
     /// [`Spherical`].
     Spherical,
     /// [`Orthographic`].
@@ -257,8 +261,12 @@ impl Sigma {
 impl SensorKind {
     /// What the kernels ask of a sensor.
     fn files(self) -> String {
-        let (perspective, angle, sensor) = match self {
-            SensorKind::Pinhole => (Pinhole::PERSPECTIVE, String::new(), include_str!("sensors/pinhole.wgsl")),
+        let frustum = include_str!("sensors/frustum.wgsl");
+        let (perspective, common, sensor) = match self {
+            SensorKind::Pinhole => (Pinhole::PERSPECTIVE, frustum.into(), include_str!("sensors/pinhole.wgsl")),
+            SensorKind::DistortedPinhole => {
+                (DistortedPinhole::PERSPECTIVE, frustum.into(), include_str!("sensors/distorted.wgsl"))
+            }
             SensorKind::Spherical => (Spherical::PERSPECTIVE, angle(), include_str!("sensors/spherical.wgsl")),
             SensorKind::Orthographic => {
                 (Orthographic::PERSPECTIVE, String::new(), include_str!("sensors/orthographic.wgsl"))
@@ -266,7 +274,7 @@ impl SensorKind {
         };
         format!("const PERSPECTIVE: bool = {perspective};\n")
             + include_str!("sensors/projection.wgsl")
-            + &angle
+            + &common
             + sensor
     }
 

@@ -9,7 +9,8 @@ use pyramap::PinholeCamera;
 use std::collections::HashSet;
 
 const SIGMAS: [Sigma; 2] = [Sigma::Constant, Sigma::Growing];
-const SENSORS: [SensorKind; 3] = [SensorKind::Pinhole, SensorKind::Spherical, SensorKind::Orthographic];
+const SENSORS: [SensorKind; 4] =
+    [SensorKind::Pinhole, SensorKind::DistortedPinhole, SensorKind::Spherical, SensorKind::Orthographic];
 const RULES: [UpdateRule; 3] = [UpdateRule::Pyramid, UpdateRule::MinLayer, UpdateRule::Area];
 const MAX_LAYERS: usize = PinholeCamera::MAX_SIDE.ilog2() as usize + 1;
 
@@ -76,7 +77,7 @@ fn structs_lie_as_in_rust() {
     let layouts = layout::layouts();
     assert_eq!(
         layouts.iter().map(|(name, ..)| *name).collect::<Vec<_>>(),
-        ["Cube", "Sphere", "Halved", "Frame", "Addition", "Run", "Page"]
+        ["Cube", "Distortion", "Sphere", "Halved", "Frame", "Addition", "Run", "Page"]
     );
     for (name, size, fields) in layouts {
         let (members, span) = in_wgsl(name);

@@ -1,11 +1,16 @@
 //! `PinholeCamera`.
 
+use crate::arrays;
 use crate::errors::to_py;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
+use pyramap::Distortion;
+
+/// Distortion coefficients, in OpenCV's order.
+type Coefficients = (f64, f64, f64, f64, f64);
 
 /// The arguments of the constructor, in their order.
-pub type Intrinsics = (usize, usize, f64, f64, f64, f64);
+type Arguments = (usize, usize, f64, f64, f64, f64, Option<Coefficients>);
 
 /// A side of an image.
 pub fn side(name: &str, side: i64) -> PyResult<usize> {
@@ -21,7 +26,7 @@ pub fn hash(width: usize, height: usize, numbers: &[f64]) -> u64 {
     hasher.finish()
 }
 
-/// A pinhole camera without distortion.
+/// A pinhole camera, with a lens that may distort.
 ///
 /// Its axes are x right, y down, z forward. Integer pixel coordinates are pixel centres: the image spans columns -0.5 to
 /// `width - 0.5`. Cameras compare by value, and can be hashed and pickled.
@@ -33,9 +38,12 @@ pub fn hash(width: usize, height: usize, numbers: &[f64]) -> u64 {
 ///     fy: Focal length along a column, pixels, positive.
 ///     cx: Column of the principal point, pixels.
 ///     cy: Row of the principal point, pixels.
+///     distortion: Radial-tangential coefficients as OpenCV has them: (k1, k2, p1, p2) or (k1, k2, p1, p2, k3). Where the
+///         image folds back on itself the lens brings nothing to a pixel: it has no reading, and is not fused. `view_gain`
+///         and `noise` of scenes take no notice of the lens.
 ///
 /// Raises:
-///     ValueError: If a number is out of its range, or not finite.
+///     ValueError: If a number is out of its range, or not finite; or the lens has no image around its axis.
 #[pyclass(frozen, eq, module = "pyramap", from_py_object)]
 #[derive(Clone, Copy, PartialEq)]
 pub struct PinholeCamera(pub pyramap::PinholeCamera);
@@ -43,10 +51,35 @@ pub struct PinholeCamera(pub pyramap::PinholeCamera);
 #[pymethods]
 impl PinholeCamera {
     #[new]
-    #[pyo3(signature = (width, height, fx, fy, cx, cy))]
-    fn new(width: i64, height: i64, fx: f64, fy: f64, cx: f64, cy: f64) -> PyResult<Self> {
+    #[pyo3(signature = (width, height, fx, fy, cx, cy, distortion = None))]
+    #[expect(clippy::too_many_arguments, reason = "a camera has as many numbers")]
+    fn new(
+        width: i64,
+        height: i64,
+        fx: f64,
+        fy: f64,
+        cx: f64,
+        cy: f64,
+        distortion: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
         let camera = pyramap::PinholeCamera::new(side("width", width)?, side("height", height)?, fx, fy, cx, cy);
-        camera.map(Self).map_err(to_py)
+        let camera = camera.map_err(to_py)?;
+        let Some(distortion) = distortion else { return Ok(Self(camera)) };
+        let coefficients = match arrays::numbers(distortion, "distortion")?[..] {
+            [k1, k2, p1, p2] => [k1, k2, p1, p2, 0.0],
+            [k1, k2, p1, p2, k3] => [k1, k2, p1, p2, k3],
+            ref others => {
+                let message = format!("distortion is {} numbers, expected k1, k2, p1, p2 and perhaps k3", others.len());
+                return Err(PyValueError::new_err(message));
+            }
+        };
+        camera.with_distortion(Distortion::from_coefficients(coefficients)).map(Self).map_err(to_py)
+    }
+
+    /// Radial-tangential coefficients k1, k2, p1, p2, k3; None if there is no distortion.
+    #[getter]
+    fn distortion(&self) -> Option<Coefficients> {
+        self.0.lens().map(|lens| lens.distortion().coefficients().into())
     }
 
     /// Columns of the image.
@@ -87,17 +120,25 @@ impl PinholeCamera {
 
     fn __hash__(&self) -> u64 {
         let c = &self.0;
-        hash(c.width, c.height, &[c.fx, c.fy, c.cx, c.cy])
+        let coefficients = c.lens().map(|lens| lens.distortion().coefficients());
+        let numbers: Vec<f64> =
+            [c.fx, c.fy, c.cx, c.cy].into_iter().chain(coefficients.into_iter().flatten()).collect();
+        hash(c.width, c.height, &numbers)
     }
 
-    fn __reduce__(slf: &Bound<'_, Self>) -> (Py<PyAny>, Intrinsics) {
+    fn __reduce__(slf: &Bound<'_, Self>) -> (Py<PyAny>, Arguments) {
         let c = slf.get().0;
-        (slf.get_type().into_any().unbind(), (c.width, c.height, c.fx, c.fy, c.cx, c.cy))
+        let arguments = (c.width, c.height, c.fx, c.fy, c.cx, c.cy, slf.get().distortion());
+        (slf.get_type().into_any().unbind(), arguments)
     }
 
     fn __repr__(&self) -> String {
         let c = &self.0;
         let (width, height) = (c.width, c.height);
-        format!("PinholeCamera(width={width}, height={height}, fx={}, fy={}, cx={}, cy={})", c.fx, c.fy, c.cx, c.cy)
+        let lens = self.distortion().map_or(String::new(), |coefficients| format!(", distortion={coefficients:?}"));
+        format!(
+            "PinholeCamera(width={width}, height={height}, fx={}, fy={}, cx={}, cy={}{lens})",
+            c.fx, c.fy, c.cx, c.cy
+        )
     }
 }

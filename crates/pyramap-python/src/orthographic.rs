@@ -1,8 +1,11 @@
 //! `OrthographicCamera`.
 
-use crate::camera::{Intrinsics, hash, side};
+use crate::camera::{hash, side};
 use crate::errors::to_py;
 use pyo3::prelude::*;
+
+/// The arguments of the constructor, in their order.
+type Arguments = (usize, usize, f64, f64, f64, f64);
 
 /// A camera whose rays are parallel, as in height maps and images of telecentric lenses.
 ///
@@ -78,7 +81,7 @@ impl OrthographicCamera {
         hash(c.width, c.height, &[c.fx, c.fy, c.cx, c.cy])
     }
 
-    fn __reduce__(slf: &Bound<'_, Self>) -> (Py<PyAny>, Intrinsics) {
+    fn __reduce__(slf: &Bound<'_, Self>) -> (Py<PyAny>, Arguments) {
         let c = slf.get().0;
         (slf.get_type().into_any().unbind(), (c.width, c.height, c.fx, c.fy, c.cx, c.cy))
     }

@@ -46,7 +46,17 @@ impl Scene {
     ///
     /// The camera should be in free space: a solid that contains it is not drawn.
     pub fn render(&self, camera: &PinholeCamera, world_from_camera: &Pose) -> Vec<f32> {
-        render(&self.solids, camera, world_from_camera)
+        if camera.lens().is_none() {
+            return render(&self.solids, camera, world_from_camera);
+        }
+        let mut depth = self.render_ranges(camera, world_from_camera);
+        let pixels = (0..camera.height).flat_map(|v| (0..camera.width).map(move |u| (u, v)));
+        for (depth, (u, v)) in depth.iter_mut().zip(pixels) {
+            // No range is measured where there is no ray, and 0 stays 0.
+            let range_per_depth = camera.range_per_depth(u as f64, v as f64).max(1.0);
+            *depth = (f64::from(*depth) / range_per_depth) as f32;
+        }
+        depth
     }
 
     /// Exact ranges of any sensor: distance in metres along the ray of each pixel, row by row, `0` where no surface is hit.

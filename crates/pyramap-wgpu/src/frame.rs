@@ -22,7 +22,7 @@ use pyramap::block::{BLOCK_VOXELS, BlockKey};
 use pyramap::config::GridConfig;
 use pyramap::error::Result;
 use pyramap::ranges::range_per_reading;
-use pyramap::sensors::{Orthographic, Pinhole, Spherical};
+use pyramap::sensors::{DistortedPinhole, Orthographic, Pinhole, Spherical};
 use pyramap::stats::{StageSeconds, Stopwatch};
 use pyramap::update::Change;
 use pyramap::view::View;
@@ -90,9 +90,13 @@ impl Frames {
         let mut watch = Stopwatch::start();
         let (r, max_range) = (config.voxel_size, config.max_range);
         let this = match sensor {
-            Sensor::Pinhole(camera) => {
-                self.begin(gpu, config, image, sensor, &View::new(Pinhole::new(camera), pose, r, max_range))?
-            }
+            Sensor::Pinhole(camera) => match camera.lens() {
+                None => self.begin(gpu, config, image, sensor, &View::new(Pinhole::new(camera), pose, r, max_range))?,
+                Some(lens) => {
+                    let projection = DistortedPinhole::new(camera, lens);
+                    self.begin(gpu, config, image, sensor, &View::new(projection, pose, r, max_range))?
+                }
+            },
             Sensor::Spherical(spherical) => {
                 self.begin(gpu, config, image, sensor, &View::new(Spherical::new(spherical), pose, r, max_range))?
             }

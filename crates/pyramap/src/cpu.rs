@@ -12,7 +12,7 @@ use crate::pose::Pose;
 use crate::pyramid::Pyramid;
 use crate::ranges::Ranges;
 use crate::sensor::{SensorModel, SensorTable};
-use crate::sensors::{Orthographic, Pinhole, Projection, Sensor, Spherical};
+use crate::sensors::{DistortedPinhole, Orthographic, Pinhole, Projection, Sensor, Spherical};
 use crate::stats::{StageSeconds, Stopwatch};
 use crate::surfaces::SurfaceLayer;
 use crate::update::area::Area;
@@ -170,9 +170,13 @@ impl Backend for CpuBackend {
         self.use_model(image.sensor_model.unwrap_or(config.sensor_model));
         let (r, max_range) = (config.voxel_size, config.max_range);
         match sensor {
-            Sensor::Pinhole(camera) => {
-                self.stages(config, &View::new(Pinhole::new(camera), pose, r, max_range), &mut watch);
-            }
+            Sensor::Pinhole(camera) => match camera.lens() {
+                None => self.stages(config, &View::new(Pinhole::new(camera), pose, r, max_range), &mut watch),
+                Some(lens) => {
+                    let projection = DistortedPinhole::new(camera, lens);
+                    self.stages(config, &View::new(projection, pose, r, max_range), &mut watch);
+                }
+            },
             Sensor::Spherical(sensor) => {
                 self.stages(config, &View::new(Spherical::new(sensor), pose, r, max_range), &mut watch);
             }

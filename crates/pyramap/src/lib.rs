@@ -66,7 +66,7 @@ pub use ranges::BeyondMaxRange;
 pub use rays::RayHits;
 pub use region::Region;
 pub use sensor::{SensorModel, SurfaceOffset};
-pub use sensors::{OrthographicCamera, Sensor, SphericalSensor};
+pub use sensors::{Distortion, OrthographicCamera, Sensor, SphericalSensor};
 pub use state::{State, Unknown};
 pub use stats::FrameStats;
 pub use update::UpdateRule;

@@ -114,7 +114,8 @@ impl Ranges {
 pub fn range_per_reading(sensor: &Sensor, reading: Reading) -> impl Iterator<Item = f32> {
     let pixel = move |u, v| match reading {
         Reading::Depth => sensor.range_per_depth(u, v),
-        Reading::Range => 1.0,
+        Reading::Range if sensor.sees(u, v) => 1.0,
+        Reading::Range => 0.0,
     };
     (0..sensor.height()).flat_map(move |v| (0..sensor.width()).map(move |u| pixel(u, v)))
 }

@@ -2,11 +2,11 @@
 
 use pyramap::block::{BLOCK_VOXELS, BlockKey, Blocks};
 use pyramap::cull::{Eighths, LayersRead, Reads};
-use pyramap::sensors::{Orthographic, Projection, Spherical};
+use pyramap::sensors::{DistortedPinhole, Orthographic, Pinhole, Projection, Spherical};
 use pyramap::view::View;
 use pyramap::{
-    Depth, DepthImage, GridConfig, OccupancyGrid, OrthographicCamera, Pose, Sensor, SensorModel, SphericalSensor,
-    SurfaceOffset, UpdateRule,
+    Depth, DepthImage, Distortion, GridConfig, OccupancyGrid, OrthographicCamera, PinholeCamera, Pose, Sensor,
+    SensorModel, SphericalSensor, SurfaceOffset, UpdateRule,
 };
 use std::collections::BTreeMap;
 use std::f64::consts::{PI, TAU};
@@ -76,13 +76,21 @@ fn sensors() -> Vec<(&'static str, Sensor)> {
     let uneven: Vec<f64> = (0..24).map(|i| 0.3 - 0.02 * f64::from(i) - 0.0006 * f64::from(i * i)).collect();
     let rising: Vec<f64> = uneven.iter().rev().copied().collect();
     let offsets: Vec<f64> = (0..32).map(|row| [0.055, 0.018, -0.018, -0.055][row % 4]).collect();
+    let lens = |fx: f64, coefficients| {
+        let camera = PinholeCamera::new(80, 60, fx, 1.02 * fx, 41.3, 27.9).unwrap();
+        Sensor::from(&camera.with_distortion(Distortion::from_coefficients(coefficients)).unwrap())
+    };
     vec![
+        ("a barrel lens", lens(60.0, [-0.28, 0.07, 0.0, 0.0, 0.0])),
+        ("a pincushion lens", lens(70.0, [0.15, 0.02, 0.001, -0.002, 0.01])),
+        ("a lens that folds back in the image", lens(60.0, [-0.4, 0.0, 0.004, 0.0, 0.0])),
         ("a full turn", (&spinning(256, 32)).into()),
         ("an odd number of columns", (&spinning(225, 24).with_azimuths(2.0, TAU).unwrap()).into()),
         ("uneven beams", (&SphericalSensor::new(192, &uneven).unwrap()).into()),
         ("a sector", (&SphericalSensor::new(100, &rising).unwrap().with_azimuths(3.0, -2.1).unwrap()).into()),
         ("nearly all around", (&spinning(200, 20).with_azimuths(-1.0, 6.0).unwrap()).into()),
         ("shifted rows", (&spinning(256, 32).with_row_offsets(&offsets).unwrap()).into()),
+        ("a pinhole", (&PinholeCamera::new(80, 60, 70.0, 72.0, 41.3, 27.9).unwrap()).into()),
         ("one row", (&SphericalSensor::new(360, &[0.0]).unwrap()).into()),
         ("parallel rays", (&OrthographicCamera::new(70, 60, 25.0, 31.0, 22.0, 40.5).unwrap()).into()),
     ]
@@ -266,8 +274,35 @@ fn outlines_hold_all_of_a_cube() {
         match &sensor {
             Sensor::Spherical(sensor) => check_outlines(name, Spherical::new(sensor)),
             Sensor::Orthographic(camera) => check_outlines(name, Orthographic::new(camera)),
+            Sensor::Pinhole(camera) => match camera.lens() {
+                Some(lens) => check_outlines(name, DistortedPinhole::new(camera, lens)),
+                None => check_outlines(name, Pinhole::new(camera)),
+            },
             other => panic!("{other:?}"),
         }
+    }
+}
+
+#[test]
+fn pixels_of_lenses_project_onto_their_rays() {
+    for (name, sensor) in sensors() {
+        let Sensor::Pinhole(camera) = &sensor else { continue };
+        let Some(lens) = camera.lens() else { continue };
+        let projection = DistortedPinhole::new(camera, lens);
+        let mut blind = 0;
+        for (row, column) in (0..60).flat_map(|row| (0..80).map(move |column| (row, column))) {
+            let direction = camera.ray(column, row).direction;
+            if direction.x.is_nan() {
+                blind += 1;
+                continue;
+            }
+            let pixel = projection.project((direction * 2.0).cast::<f32>().into());
+            let off = (pixel.u - (column as f32 + 0.5)).abs().max((pixel.v - (row as f32 + 0.5)).abs());
+            assert!(off < 1e-3 && pixel.in_front, "{name}: {pixel:?} of {column}, {row}");
+        }
+        // The third lens brings nothing to the corners.
+        assert_eq!(blind > 0, name.contains("folds"), "{name}: {blind} pixels see nothing");
+        assert!(blind < 2000, "{name}: {blind} pixels see nothing");
     }
 }
 

@@ -2,9 +2,9 @@
 
 use crate::gpu::Gpu;
 use pyramap::error::Result;
-use pyramap::sensors::{Orthographic, Pinhole, Projection, Spherical};
+use pyramap::sensors::{DistortedPinhole, Orthographic, Pinhole, Projection, Spherical};
 use pyramap_shaders::SensorKind;
-use pyramap_shaders::layout::{Cube, Frame, Sphere};
+use pyramap_shaders::layout::{Cube, Distortion, Frame, Sphere};
 use wgpu::{Buffer, BufferUsages};
 
 /// A projection that shaders know.
@@ -31,6 +31,27 @@ impl Described for Pinhole {
 
     fn describe_cube(size: &Self::Size, cube: &mut Cube) {
         (cube.across_sides, cube.depth) = (size.across_sides, size.depth);
+    }
+
+    fn rows(&self) -> Option<&[[f32; 2]]> {
+        None
+    }
+}
+
+impl Described for DistortedPinhole {
+    fn kind(&self) -> SensorKind {
+        SensorKind::DistortedPinhole
+    }
+
+    fn describe(&self, frame: &mut Frame) {
+        self.plain.describe(frame);
+        let ([k1, k2, p1, p2, k3], [[a, b], [c, d]]) = (self.coefficients, self.stretch);
+        frame.distortion =
+            Distortion { stretch: [a, b, c, d], k1, k2, p1, p2, k3, radius: self.radius, ..Distortion::default() };
+    }
+
+    fn describe_cube(size: &Self::Size, cube: &mut Cube) {
+        Pinhole::describe_cube(size, cube);
     }
 
     fn rows(&self) -> Option<&[[f32; 2]]> {

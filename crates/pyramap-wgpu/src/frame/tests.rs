@@ -105,7 +105,13 @@ struct OnCpu {
 fn on_cpu(config: &GridConfig, image: &DepthImage, sensor: impl Into<Sensor>, pose: &Pose) -> OnCpu {
     let (sensor, r, max_range) = (sensor.into(), config.voxel_size, config.max_range);
     match &sensor {
-        Sensor::Pinhole(camera) => seen_by(config, image, &sensor, View::new(Pinhole::new(camera), pose, r, max_range)),
+        Sensor::Pinhole(camera) => match camera.lens() {
+            None => seen_by(config, image, &sensor, View::new(Pinhole::new(camera), pose, r, max_range)),
+            Some(lens) => {
+                let projection = DistortedPinhole::new(camera, lens);
+                seen_by(config, image, &sensor, View::new(projection, pose, r, max_range))
+            }
+        },
         Sensor::Spherical(it) => seen_by(config, image, &sensor, View::new(Spherical::new(it), pose, r, max_range)),
         Sensor::Orthographic(it) => {
             seen_by(config, image, &sensor, View::new(Orthographic::new(it), pose, r, max_range))

@@ -3,12 +3,16 @@
 //! [`Sensor`] is any of them. A frame's stages are compiled for each [`Projection`] by itself; the pyramid, the cull and
 //! the update rules are the same for all.
 
+mod distorted;
+mod lens;
 mod orthographic;
 mod pinhole;
 mod projection;
 mod range_image;
 mod spherical;
 
+pub use distorted::DistortedPinhole;
+pub use lens::{Distortion, Lens};
 pub use orthographic::{Orthographic, OrthographicCamera};
 pub use pinhole::Pinhole;
 pub use projection::{Outline, PixelRay, Projected, Projection};
@@ -69,6 +73,14 @@ impl Sensor {
         match self {
             Sensor::Pinhole(camera) => camera.range_per_depth(column as f64, row as f64) as f32,
             Sensor::Spherical(_) | Sensor::Orthographic(_) => 1.0,
+        }
+    }
+
+    /// Whether a pixel sees anything at all.
+    pub(crate) fn sees(&self, column: usize, row: usize) -> bool {
+        match self {
+            Sensor::Pinhole(camera) if camera.lens().is_some() => self.range_per_depth(column, row) > 0.0,
+            _ => true,
         }
     }
 

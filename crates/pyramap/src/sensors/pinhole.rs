@@ -44,17 +44,30 @@ impl Pinhole {
         ];
         Self { image, focal, principal, sides, focal_length: camera.focal_length() }
     }
+}
 
-    /// How far from a centre's column (`across` 0) or row (1) the cube around it may project, in focal lengths.
-    ///
-    /// For p' in the cube around p, x'/z' - x/z = ((x' - x) z - x (z' - z)) / (z' z). The numerator is linear in p', so
-    /// that each of the cube's axes adds its own absolute value; z' is at least z less half the cube's depth.
-    #[inline(always)]
-    fn spread(cubes: &Eighths<Self>, across: usize, centre: [f32; 3]) -> f32 {
-        let (x, z) = (centre[across], centre[2]);
-        let reach: f32 = cubes.axes.iter().map(|axis| (axis[across] * z - x * axis[2]).abs()).sum();
-        cubes.projected * reach / ((z - cubes.size.depth) * z)
+/// How far from a centre's column (`across` 0) or row (1) the cube around it may project, in focal lengths.
+///
+/// For p' in the cube around p, x'/z' - x/z = ((x' - x) z - x (z' - z)) / (z' z). The numerator is linear in p', so that
+/// each of the cube's axes adds its own absolute value; z' is at least z less half the cube's depth.
+#[inline(always)]
+pub fn spread<P: Projection>(cubes: &Eighths<P>, depth: f32, across: usize, centre: [f32; 3]) -> f32 {
+    let (x, z) = (centre[across], centre[2]);
+    let reach: f32 = cubes.axes.iter().map(|axis| (axis[across] * z - x * axis[2]).abs()).sum();
+    cubes.projected * reach / ((z - depth) * z)
+}
+
+/// The pyramid of the rays through the corners of a rectangle in the plane z = 1, cut at z = `max_range`, holds every
+/// point within that range that is seen through the rectangle; and nothing is farther off than that along any axis.
+pub fn reach_of([low, high]: [[f64; 2]; 2], pose: &Pose, max_range: f64) -> [Vector3<f64>; 2] {
+    let [mut lowest, mut highest] = [pose.translation; 2];
+    for (x, y) in [(low[0], low[1]), (low[0], high[1]), (high[0], low[1]), (high[0], high[1])] {
+        let corner = pose.rotation * (Vector3::new(x, y, 1.0) * max_range) + pose.translation;
+        lowest = lowest.inf(&corner);
+        highest = highest.sup(&corner);
     }
+    let reach = Vector3::repeat(max_range);
+    [lowest.sup(&(pose.translation - reach)), highest.inf(&(pose.translation + reach))]
 }
 
 impl Projection for Pinhole {
@@ -116,8 +129,8 @@ impl Projection for Pinhole {
         let inverse = 1.0 / z;
         let u = x * inverse * self.focal[0] + self.principal[0];
         let v = y * inverse * self.focal[1] + self.principal[1];
-        let du = Self::spread(cubes, 0, centre) * self.focal[0] + PIXEL_SLACK;
-        let dv = Self::spread(cubes, 1, centre) * self.focal[1] + PIXEL_SLACK;
+        let du = spread(cubes, depth, 0, centre) * self.focal[0] + PIXEL_SLACK;
+        let dv = spread(cubes, depth, 1, centre) * self.focal[1] + PIXEL_SLACK;
         // A cube that reaches behind the camera has no outline.
         let bounded = z - depth > 1e-3;
         let (mut in_sight, mut inside) = (z > -depth, bounded);
@@ -129,20 +142,8 @@ impl Projection for Pinhole {
         Outline { columns: [u - du, u + du], rows: [v - dv, v + dv], bounded, in_sight, inside }
     }
 
-    /// The pyramid of the four border rays, cut at z = `max_range`, holds every point within that range; and nothing is
-    /// farther from the camera than that along any axis.
     fn reach(&self, pose: &Pose, max_range: f64) -> [Vector3<f64>; 2] {
-        let [mut low, mut high] = [pose.translation; 2];
-        for (u, v) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
-            let side = |axis: usize, end: i32| {
-                let border = if end == 0 { 0.0 } else { self.image[axis] };
-                f64::from((border - self.principal[axis]) / self.focal[axis])
-            };
-            let corner = pose.rotation * (Vector3::new(side(0, u), side(1, v), 1.0) * max_range) + pose.translation;
-            low = low.inf(&corner);
-            high = high.sup(&corner);
-        }
-        let reach = Vector3::repeat(max_range);
-        [low.sup(&(pose.translation - reach)), high.inf(&(pose.translation + reach))]
+        let corner = |border: [f32; 2]| [0, 1].map(|k| f64::from((border[k] - self.principal[k]) / self.focal[k]));
+        reach_of([corner([0.0; 2]), corner(self.image)], pose, max_range)
     }
 }

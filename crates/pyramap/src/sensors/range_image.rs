@@ -1,6 +1,6 @@
 //! Unorganised point clouds as images: each point goes into the pixel that sees it, and of several the nearest stays.
 
-use super::{Orthographic, Pinhole, Projected, Projection, Sensor, Spherical};
+use super::{DistortedPinhole, Orthographic, Pinhole, Projected, Projection, Sensor, Spherical};
 
 /// An image of ranges made of points.
 #[derive(Clone, Debug, PartialEq)]
@@ -26,7 +26,10 @@ impl RangeImage {
     /// Puts points in the sensor's frame, metres, into an image of the sensor.
     pub fn new(points: &[[f64; 3]], sensor: &Sensor) -> Self {
         match sensor {
-            Sensor::Pinhole(camera) => Self::projected(points, &Pinhole::new(camera), |column, _| column),
+            Sensor::Pinhole(camera) => match camera.lens() {
+                None => Self::projected(points, &Pinhole::new(camera), |column, _| column),
+                Some(lens) => Self::projected(points, &DistortedPinhole::new(camera, lens), |column, _| column),
+            },
             Sensor::Orthographic(camera) => Self::projected(points, &Orthographic::new(camera), |column, _| column),
             Sensor::Spherical(spherical) => Self::projected(points, &Spherical::new(spherical), |column, row| {
                 let (shift, _) = spherical.shift(row);

@@ -1,11 +1,16 @@
 //! Frames of every sensor, up to commit.
 
 use super::*;
-use pyramap::{OrthographicCamera, SphericalSensor};
+use pyramap::{Distortion, OrthographicCamera, SphericalSensor};
 use std::f64::consts::TAU;
 
 fn spinning(width: usize, height: usize) -> SphericalSensor {
     SphericalSensor::new(width, &SphericalSensor::even_elevations(height, 0.5, -0.6)).unwrap()
+}
+
+fn distorted(coefficients: [f64; 5]) -> PinholeCamera {
+    let camera = PinholeCamera::new(120, 90, 62.0, 60.0, 58.0, 46.0).unwrap();
+    camera.with_distortion(Distortion::from_coefficients(coefficients)).unwrap()
 }
 
 /// Sensors of every kind: full turns, sectors, odd widths, uneven and rising beams, shifted rows.
@@ -23,6 +28,8 @@ fn all_sensors() -> Vec<(&'static str, Sensor)> {
         ("shifted rows", (&spinning(256, 32).with_row_offsets(&offsets).unwrap()).into()),
         ("one row", (&SphericalSensor::new(360, &[0.0]).unwrap()).into()),
         ("a time-of-flight camera", (&camera(97, 60)).into()),
+        ("a barrel", (&distorted([-0.28, 0.07, 0.001, -0.002, 0.0])).into()),
+        ("a lens whose image folds back", (&distorted([-0.4, 0.0, 0.0, 0.0, 0.0])).into()),
         ("parallel rays", (&OrthographicCamera::new(70, 60, 25.0, 31.0, 22.0, 40.5).unwrap()).into()),
     ]
 }
