@@ -52,7 +52,6 @@ pub struct PinholeCamera(pub pyramap::PinholeCamera);
 impl PinholeCamera {
     #[new]
     #[pyo3(signature = (width, height, fx, fy, cx, cy, distortion = None))]
-    #[expect(clippy::too_many_arguments, reason = "a camera has as many numbers")]
     fn new(
         width: i64,
         height: i64,
