@@ -18,6 +18,7 @@ from compare import Blocks, blocks_of_lists
 from frames import CAMERA, IDENTITY, VOXEL_SIZE, Frame, make_grid, map_bytes, random_frames, wall
 from numpy.typing import NDArray
 from real_data import real
+from shell import json_of, run
 
 RULES = ("pyramid", "area", "min_layer")
 RESOLUTIONS = (0.02, 0.04, 0.08, 0.16)
@@ -306,17 +307,34 @@ def test_memory_stays_flat(on_gpu: Callable[..., pm.OccupancyGrid]) -> None:
     depths = [np.full((12, 16), distance, np.float32) for distance in (1.0, 1.1, 1.2, 1.3)]
     grid = on_gpu(voxel_size=0.1)
 
-    def run(frames: int) -> tuple[int, int]:
+    def fuse(frames: int) -> tuple[int, int]:
         for n in range(frames):
             grid.integrate(depths[n % len(depths)], camera, IDENTITY)
         grid.synchronize()
         return int(statm.read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE"), grid.nbytes
 
-    memory, nbytes = run(2000)
-    later_memory, later_nbytes = run(8000)
+    memory, nbytes = fuse(2000)
+    later_memory, later_nbytes = fuse(8000)
     assert later_nbytes == nbytes
     # A leak of one small object a frame, 100 bytes, were 0.8 MB; allocators keep a few MB more or less.
     assert later_memory - memory < 8e6
+
+
+def test_the_shell_lists_devices() -> None:
+    listed = json_of(run("info", "--devices", "--json"))["devices"]
+    assert [device["name"] for device in listed] == [device.name for device in pm.devices()]
+    said = run("info", "--devices").stdout
+    assert all(device["name"] in said for device in listed) or "no graphics adapters" in said
+    assert "name a map, or ask for --devices" in run("info", code=2).stderr
+
+
+def test_the_shell_maps_on_a_gpu(adapter: str, tmp_path: Path) -> None:
+    """The whole way, and an adapter that is not there."""
+    options = ["--limit", "2", "--json", "-o", tmp_path]
+    report = json_of(run("demo", "--backend", "gpu", "--adapter", adapter, *options))
+    assert (report["map"]["backend"], report["map"]["adapter"], report["map"]["frames"]) == ("gpu", adapter, 2)
+    assert report["run"]["median_ms"]["update"] > 0
+    assert "no such card" in run("demo", "--backend", "gpu", "--adapter", "no such card", *options, code=1).stderr
 
 
 def test_a_missing_adapter_is_named_with_what_was_found() -> None:
