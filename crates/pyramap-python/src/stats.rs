@@ -73,7 +73,8 @@ impl FrameStats {
     }
 
     /// Seconds by stage, in order: upload, ranges, pyramid, cull, update, readback, commit. On the CPU nothing is
-    /// uploaded or read back; a GPU that cannot time its kernels books them all to `update`.
+    /// uploaded or read back; a GPU that cannot time its kernels books them all to `update`. Frames that follow each other
+    /// on a GPU overlap, and a stage may then hold some of another's time: `synchronize` between them to tell them apart.
     #[getter]
     fn seconds<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let seconds = PyDict::new(py);
