@@ -1,4 +1,4 @@
-"""The shell: `pyramap demo | map | info | mesh | slice | paper`, one module each.
+"""The shell: `pyramap demo | map | info | mesh | slice | paper | paper`, one module each.
 
 Exit codes: 0 done, 1 failed (the message on stderr says why), 2 wrongly called, 130 interrupted.
 """
