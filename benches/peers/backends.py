@@ -13,7 +13,7 @@ from pathlib import Path
 from statistics import median
 from tempfile import TemporaryDirectory
 from time import perf_counter
-from typing import Annotated, Literal, TypeAlias
+from typing import Annotated
 
 import numpy as np
 import pyramap as pm
@@ -23,6 +23,7 @@ from rich.table import Table
 from . import source
 from .frames import MAX_RANGE, Frame
 from .results import machine, wide_console
+from .systems import Backend, GpuRule, usable_adapters
 
 TURN_FRAMES = 10
 """Frames that one backend fuses before it is the other's turn."""
@@ -30,8 +31,6 @@ TURN_FRAMES = 10
 WHOLE = "whole"
 IN_A_ROW = "whole, in a row"
 
-Backend: TypeAlias = Literal["cpu", "gpu"]
-GpuRule: TypeAlias = Literal["pyramid", "area", "min_layer"]
 Times = dict[Backend, dict[str, list[float]]]
 """Milliseconds: of each frame, or in the case of the whole of each turn, by stage."""
 
@@ -46,12 +45,10 @@ def main(
     out: Annotated[Path, typer.Option(help="Folder for backends.json.")] = Path("out/peers"),
 ) -> None:
     """Times every stage on the CPU and on a GPU."""
-    usable = [
-        device.name for device in pm.devices() if device.problem is None and adapter.lower() in device.name.lower()
-    ]
-    if not usable:
-        raise typer.BadParameter(f"no adapter with {adapter!r} in its name")
-    name = usable[0]
+    try:
+        name = usable_adapters(adapter)[0]
+    except LookupError as error:
+        raise typer.BadParameter(str(error)) from error
     console, results = wide_console(), {}
     with TemporaryDirectory() as folder:
         recorded = source.record(data or source.default_data(), Path(folder) / "frames", frames)

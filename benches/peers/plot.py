@@ -13,9 +13,11 @@ from .systems import SYSTEMS
 from .turns import Turns
 
 # Okabe and Ito's colours, which stay apart for colour-blind eyes, with brown for their yellow, which is pale on white,
-# and greys. The marker tells a system as well.
-COLOURS = ("#0072B2", "#56B4E9", "#009E73", "#CC79A7", "#000000", "#D55E00", "#E69F00", "#8C510A", "#7F7F7F", "#B3B3B3")
-MARKERS = "osD^*sXPvd"
+# and greys. The marker tells a system as well. A rule on the GPU has the look of the same rule on the CPU, but hollow.
+RULES = (("#0072B2", "o"), ("#56B4E9", "s"), ("#009E73", "D"), ("#CC79A7", "^"), ("#000000", "*"))
+ON_A_GPU = (RULES[0], RULES[2], RULES[3])
+PEERS = (("#D55E00", "s"), ("#E69F00", "X"), ("#8C510A", "P"), ("#7F7F7F", "v"), ("#B3B3B3", "d"))
+LOOKS = dict(zip(SYSTEMS, (*RULES, *ON_A_GPU, *PEERS), strict=True))
 
 
 def save_plot(path: Path, title: str, turns: Sequence[Turns]) -> None:
@@ -23,7 +25,7 @@ def save_plot(path: Path, title: str, turns: Sequence[Turns]) -> None:
     figure = Figure(figsize=(9, 5.5), layout="constrained")
     FigureCanvasAgg(figure)
     axes = figure.add_subplot()
-    for number, system in enumerate(SYSTEMS):
+    for system, (colour, marker) in LOOKS.items():
         threads = max((threads for at in turns for name, threads in at.times if name == system.name), default=None)
         if threads is None:
             continue
@@ -37,9 +39,10 @@ def save_plot(path: Path, title: str, turns: Sequence[Turns]) -> None:
             middle,
             yerr=[below, above],
             label=f"{system.name} ({threads} thread{'s' * (threads > 1)})",
-            color=COLOURS[number],
-            marker=MARKERS[number],
-            linestyle="-" if system.package == "pyramap" else "--",
+            color=colour,
+            marker=marker,
+            fillstyle="none" if system.on_gpu else "full",
+            linestyle=":" if system.on_gpu else "-" if system.package == "pyramap" else "--",
             capsize=2,
         )
     axes.set_xscale("log")

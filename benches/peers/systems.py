@@ -10,7 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from importlib import import_module
-from typing import Any, Literal, Protocol
+from typing import Any, Literal, Protocol, get_args
 
 import numpy as np
 
@@ -20,8 +20,12 @@ CLAMP = (-2.0, 3.5)
 """Log-odds between which OctoMap holds its voxels unless told otherwise (probabilities 0.12 and 0.97)."""
 
 
-Rule = Literal["pyramid", "area", "min_layer", "ideal"]
+GpuRule = Literal["pyramid", "area", "min_layer"]
+Rule = GpuRule | Literal["ideal"]
 """How pyramap updates a voxel."""
+
+Backend = Literal["cpu", "gpu"]
+"""Where pyramap runs; "gpu" is the first device there is, a software one too."""
 
 
 class Map(Protocol):
@@ -41,18 +45,26 @@ class Map(Protocol):
 
 
 class PyramapMap:
-    """`pyramap.OccupancyGrid` on the CPU with its default sensor model."""
+    """`pyramap.OccupancyGrid` with its default sensor model."""
 
     def __init__(
         self,
         voxel_size: float,
         update: Rule,
         clamp: tuple[float, float] | None = None,
+        backend: Backend = "cpu",
     ) -> None:
         import pyramap
 
         self._camera = pyramap.PinholeCamera
-        self.grid = pyramap.OccupancyGrid(voxel_size, max_range=MAX_RANGE, update=update, backend="cpu", clamp=clamp)
+        self.grid = pyramap.OccupancyGrid(
+            voxel_size,
+            max_range=MAX_RANGE,
+            update=update,
+            backend=backend,
+            adapter=usable_adapters()[0] if backend == "gpu" else None,
+            clamp=clamp,
+        )
 
     def prepare(self, frame: Frame) -> Any:
         """The depth in metres with the camera and the pose."""
@@ -61,8 +73,9 @@ class PyramapMap:
         return frame.depth, self._camera(width, height, fx, fy, cx, cy), frame.world_from_camera
 
     def integrate(self, prepared: Any) -> None:
-        """`OccupancyGrid.integrate`."""
+        """`OccupancyGrid.integrate`, to its end: a GPU would else still be at work."""
         self.grid.integrate(*prepared)
+        self.grid.synchronize()
 
     def nbytes(self) -> int:
         """`OccupancyGrid.nbytes`: directory and voxels."""
@@ -71,6 +84,21 @@ class PyramapMap:
     def mesh(self) -> int:
         """`OccupancyGrid.mesh`: vertices, faces and normals."""
         return len(self.grid.mesh().faces)
+
+
+def usable_adapters(part: str = "") -> list[str]:
+    """The names, with `part` in them, of the devices that could run pyramap.
+
+    Raises:
+        LookupError: If there are none.
+    """
+    import pyramap
+
+    names = [device.name for device in pyramap.devices() if device.problem is None]
+    usable = [name for name in names if part.lower() in name.lower()]
+    if not usable:
+        raise LookupError(f"no adapter with {part!r} in its name among {names}" if part else "no GPU, not even Mesa's")
+    return usable
 
 
 class Open3dMap:
@@ -158,6 +186,7 @@ class System:
         new_map: Makes an empty map of a voxel size in metres.
         parallel: Whether it uses more than one thread.
         finest: The smallest voxel size in metres at which it is worth the wait.
+        on_gpu: Whether it runs on a GPU.
     """
 
     name: str
@@ -166,6 +195,7 @@ class System:
     new_map: Callable[[float], Map]
     parallel: bool = True
     finest: float = 0.0
+    on_gpu: bool = False
 
     def affords(self, voxel_size: float) -> bool:
         """Whether it is measured at this voxel size."""
@@ -177,6 +207,10 @@ CLAMPED = System("pyramap pyramid, clamped", "pyramap", "pyramap", partial(Pyram
 AREA = System("pyramap area", "pyramap", "pyramap", partial(PyramapMap, update="area"))
 MIN_LAYER = System("pyramap min_layer", "pyramap", "pyramap", partial(PyramapMap, update="min_layer"))
 IDEAL = System("pyramap ideal", "pyramap", "pyramap", partial(PyramapMap, update="ideal"), finest=0.16)
+PYRAMID_GPU, AREA_GPU, MIN_LAYER_GPU = (
+    System(f"pyramap {rule}, GPU", "pyramap", "pyramap", partial(PyramapMap, update=rule, backend="gpu"), on_gpu=True)
+    for rule in get_args(GpuRule)
+)
 OPEN3D = System("Open3D TSDF", "open3d", "open3d", Open3dMap)
 PYOCTOMAP = System(
     "pyoctomap", "pyoctomap", "pyoctomap", partial(OctomapMap, module="pyoctomap", discretize=False), parallel=False
@@ -209,6 +243,9 @@ SYSTEMS = (
     AREA,
     MIN_LAYER,
     IDEAL,
+    PYRAMID_GPU,
+    AREA_GPU,
+    MIN_LAYER_GPU,
     OPEN3D,
     PYOCTOMAP,
     PYOCTOMAP_DISCRETISED,
