@@ -9,6 +9,7 @@ import typer
 
 from .. import scenes
 from .._core import OccupancyGrid
+from ..pictures.rendering import NO_EMBREEX, can_draw_meshes
 from .conclusion import conclude
 from .fusing import fuse
 from .options import AdapterChoice, AsJson, BackendChoice, MinEvidence, Threads
@@ -41,11 +42,14 @@ def run_demo(
     grid = OccupancyGrid(resolution, update=update.value, backend=backend.value, adapter=adapter)
     output.mkdir(parents=True, exist_ok=True)
     scene = scenes.office_loop()
+    drawn = can_draw_meshes()
+    if not drawn:
+        typer.echo(f"note: {NO_EMBREEX}; the slice is drawn, and the mesh saved", err=True)
     products = Products(
         map=output / f"{scene.name}.pmap",
         mesh=output / f"{scene.name}.ply",
-        picture=output / "mesh.png",
-        inside=output / "inside.png",
+        picture=output / "mesh.png" if drawn else None,
+        inside=output / "inside.png" if drawn else None,
         slice=output / "slice.png",
     )
     check_writable(products.paths())

@@ -7,11 +7,15 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from embreex.mesh_construction import TriangleMesh
-from embreex.rtcore_scene import EmbreeScene
 from numpy.typing import ArrayLike, NDArray
 
 from .views import View, area_vectors
+
+try:
+    from embreex.mesh_construction import TriangleMesh
+    from embreex.rtcore_scene import EmbreeScene
+except ImportError:  # Linux on ARM: embreex has no package for it
+    EmbreeScene = None
 
 Floats = NDArray[np.float32]
 
@@ -20,6 +24,8 @@ FRONT = (246, 240, 228)
 """Surface seen from free space: a warm white."""
 BACK = (115, 140, 184)
 """Surface seen from behind: blue."""
+
+NO_EMBREEX = "meshes cannot be drawn here: the package embreex is missing, which casts the rays"
 
 _LIGHT = np.array([-0.33, -0.25, -0.91])
 """Direction to the light in picture axes (right, down, forward): a headlight a little above and to the left."""
@@ -33,6 +39,11 @@ _TILE, _TILE_RAYS = 4, 4
 """Each pixel of a 4 x 4 tile sends its own 4 occlusion rays; the mean over a tile then has 64 and shows no grain."""
 _RAYS_AT_ONCE = 400_000
 """Bounds the memory of a strip to some 100 MB."""
+
+
+def can_draw_meshes() -> bool:
+    """Whether embreex is there, which casts the rays of `mesh_image`."""
+    return EmbreeScene is not None
 
 
 def mesh_image(
@@ -56,7 +67,12 @@ def mesh_image(
 
     Returns:
         (height, width, 3) uint8 image.
+
+    Raises:
+        OSError: The package embreex is missing.
     """
+    if not can_draw_meshes():
+        raise OSError(NO_EMBREEX)
     # Embree computes in float32: relative to the eye that is exact enough for maps far from the world's origin.
     points = (np.asarray(vertices, dtype=np.float64) - view.eye).astype(np.float32)
     triangles = np.asarray(faces).astype(np.int32).reshape(-1, 3)
