@@ -9,7 +9,7 @@ export VIRTUAL_ENV := $(CURDIR)/$(VENV)
 export PYO3_PYTHON := $(CURDIR)/$(PY)
 unexport CONDA_PREFIX
 
-.PHONY: demo test vulkan setup build lint test-rust test-python bench bench-instructions bench-peers bench-peers-full bench-backends peers clean
+.PHONY: demo test vulkan setup build lint test-rust test-python bench bench-instructions bench-peers bench-peers-full bench-backends peers docs package clean
 
 demo: build
 	$(VENV)/bin/pyramap demo -o out
@@ -94,5 +94,24 @@ peers: setup | $(PEERS)
 $(PEERS):
 	$(PYTHON) -m venv $@
 
+docs: build
+	$(PY) -m sphinx --quiet --fail-on-warning --keep-going docs .build/docs
+
+# What a release is made of, into dist: the source distribution, and a wheel built from it. On Linux zig links the wheel,
+# for any system with glibc 2.17. The wheel is then tried as users have it, in an environment of its own, without Rust.
+# The crates are packed as they would be published, and compiled from what was packed.
+PACKAGING := .build/packaging
+package: setup
+	rm -rf dist $(PACKAGING)
+	$(PYTHON) -m venv $(PACKAGING)/build
+	$(PACKAGING)/build/bin/python -m pip install --quiet --disable-pip-version-check \
+		"maturin[zig]==$$($(VENV)/bin/maturin --version | cut -d ' ' -f 2)"
+	PATH="$(CURDIR)/$(PACKAGING)/build/bin:$$PATH" VIRTUAL_ENV=$(CURDIR)/$(PACKAGING)/build \
+		maturin build --release --strip --sdist --out dist $(if $(filter Linux,$(shell uname)),--zig)
+	$(PYTHON) -m venv $(PACKAGING)/try
+	$(PACKAGING)/try/bin/python -m pip install --quiet --disable-pip-version-check dist/*.whl
+	cd $(PACKAGING)/try && env -i PATH=/usr/bin:/bin bin/pyramap demo -o out
+	cargo publish --workspace --locked --dry-run
+
 clean:
-	rm -rf $(VENV) $(PEERS) .build target out
+	rm -rf $(VENV) $(PEERS) .build target dist out
