@@ -97,8 +97,8 @@ $(PEERS):
 docs: build
 	$(PY) -m sphinx --quiet --fail-on-warning --keep-going docs .build/docs
 
-# What a release is made of, into dist: the source distribution, and a wheel built from it. On Linux zig links the wheel,
-# for any system with glibc 2.17. The wheel is then tried as users have it, in an environment of its own, without Rust.
+# What a release is made of, into dist: the source distribution, and a wheel built from it. On Linux zig links it, for
+# any system with glibc 2.17. The wheel is then tried as users have it, in an environment of its own, without Rust.
 # The crates are packed as they would be published, and compiled from what was packed.
 PACKAGING := .build/packaging
 package: setup
