@@ -12,12 +12,16 @@ from pathlib import Path
 
 import numpy as np
 import pyramap as pm
+from PIL import Image
+from pyramap import pictures
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description="Remove a misplaced frame from a map.")
     parser.add_argument("--frames", type=int, default=20, help="how many images to fuse")
-    frames = list(pm.scenes.office_loop().frames(noise=1)[: parser.parse_args().frames])
+    parser.add_argument("--folder", type=Path, default=Path(tempfile.gettempdir()), help="where the pictures go")
+    arguments = parser.parse_args()
+    frames = list(pm.scenes.office_loop().frames(noise=1)[: arguments.frames])
 
     slipped = frames[len(frames) // 2]
     wrong_pose = slipped.world_from_camera.copy()
@@ -37,13 +41,20 @@ def main() -> None:
     print(
         f"with the wrong pose {np.mean(before > 0):.1%} of the voxels differ, by up to {before.max():.2f} in log-odds"
     )
+    draw(grid, arguments.folder / "correct_a_pose_before.png")
 
     grid.remove(slipped.depth, slipped.camera, wrong_pose)
     grid.integrate(slipped.depth, slipped.camera, slipped.world_from_camera)
+    draw(grid, arguments.folder / "correct_a_pose_after.png")
     same = saved(grid) == saved(truth)
     print(f"after the correction the files are {'the same to the last byte' if same else 'different'}")
     if not same:
         raise SystemExit(1)
+
+
+def draw(grid: pm.OccupancyGrid, path: Path) -> None:
+    Image.fromarray(pictures.slice_image(pictures.cut(grid, axis=2, at=1.2))).save(path)
+    print(f"wrote {path}")
 
 
 def saved(grid: pm.OccupancyGrid) -> bytes:

@@ -12,6 +12,8 @@ from pathlib import Path
 
 import numpy as np
 import pyramap as pm
+from PIL import Image
+from pyramap import pictures
 
 
 def main() -> None:
@@ -42,6 +44,9 @@ def main() -> None:
     grid.save(arguments.folder / "first_map.pmap")
     mesh.to_trimesh().export(arguments.folder / "first_map.ply")
     print(f"{len(mesh.faces)} triangles in {arguments.folder / 'first_map.ply'}")
+    eye_level = pictures.cut(grid, axis=2, at=float(pose[2, 3]))
+    Image.fromarray(pictures.slice_image(eye_level)).save(arguments.folder / "first_map.png")
+    print(f"a slice at the height of the camera in {arguments.folder / 'first_map.png'}")
 
 
 if __name__ == "__main__":

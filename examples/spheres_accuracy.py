@@ -26,14 +26,17 @@ from __future__ import annotations
 
 import argparse
 import math
+import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
+from pathlib import Path
 from typing import Literal
 
 import numpy as np
 import pyramap as pm
 import trimesh
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from pyramap.scenes import Scene
 
@@ -126,9 +129,23 @@ HEADER = (
 )
 
 
+def draw(accuracies: dict[str, Accuracy]) -> Figure:
+    """How the vertices' distances from the true surface are spread."""
+    figure = Figure(figsize=(8, 3.5), layout="constrained")
+    axes = figure.subplots()
+    for (name, accuracy), colour in zip(accuracies.items(), ("#d55e00", "#e69f00", "#0072b2", "#000000"), strict=True):
+        millimetres = 1e3 * accuracy.distances
+        edges = np.arange(-10.0, 40.0, 0.5).tolist()
+        axes.hist(millimetres, edges, density=True, histtype="step", color=colour, label=name)
+    axes.set(xlabel="distance from the true surface, towards the camera (mm)", ylabel="share a millimetre")
+    axes.legend()
+    return figure
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description="Accuracy of the SPHERES mesh under many settings.")
     parser.add_argument("--quick", action="store_true", help="map every tenth view only")
+    parser.add_argument("--folder", type=Path, default=Path(tempfile.gettempdir()), help="where the picture goes")
     arguments = parser.parse_args()
 
     scene = pm.scenes.spheres()
@@ -157,7 +174,13 @@ def main() -> None:
             remark = "best" if settings == BEST else ""
             print(row(settings, measure(scene, mesh_of(settings)), remark), flush=True)
     print("The best without its specks")
-    print(row(BEST, measure(scene, mesh_of(BEST, min_faces=SPECK_FACES))))
+    best = measure(scene, mesh_of(BEST, min_faces=SPECK_FACES))
+    print(row(BEST, best))
+    shown = {"the paper's model and rule": PAPER[2], "centred": CENTRED[1], "area, centred": CENTRED[5]}
+    accuracies = {name: measure(scene, mesh_of(settings)) for name, settings in shown.items()}
+    picture = arguments.folder / "spheres_accuracy.png"
+    draw({**accuracies, "the best": best}).savefig(picture)
+    print(f"drawn in {picture}")
 
 
 if __name__ == "__main__":

@@ -1,9 +1,11 @@
-"""Every public name says what it is, and every function what its arguments are."""
+"""Every public name says what it is, and every function what its arguments are; the pages name all of them."""
 
 from __future__ import annotations
 
 import inspect
+import re
 from collections.abc import Iterator
+from pathlib import Path
 from types import ModuleType
 
 import pyramap as pm
@@ -76,3 +78,33 @@ WITH_PARAMETERS = [
 def test_every_argument_is_explained(name: str) -> None:
     doc = inspect.getdoc(THINGS[name]) or ""
     assert [parameter for parameter in parameters(THINGS[name]) if f"\n    {parameter}: " not in doc] == []
+
+
+REFERENCE = "".join(page.read_text() for page in (Path(__file__).parents[1] / "docs/api").glob("*.md"))
+LISTED = {
+    (kind, name.removeprefix("pyramap."))
+    for kind, name in re.findall(r"^\.\. (?:auto|py:)(\w+):: (\S+)$", REFERENCE, re.MULTILINE)
+}
+WITH_MEMBERS = set(re.findall(r"^\.\. auto\w+:: pyramap\.(\S+)\n   :members:$", REFERENCE, re.MULTILINE))
+
+
+@pytest.mark.parametrize("module", MODULES, ids=lambda module: module.__name__)
+def test_every_public_name_is_on_a_page(module: ModuleType) -> None:
+    prefix = module.__name__.removeprefix("pyramap").lstrip(".")
+    names = [f"{prefix}.{name}".lstrip(".") for name in module.__all__]
+    assert sorted(set(names) - {name for _, name in LISTED}) == []
+
+
+@pytest.mark.parametrize("name", [name for name, thing in THINGS.items() if "." in name and inspect.isclass(thing)])
+def test_every_member_is_on_a_page(name: str) -> None:
+    members = {other.removeprefix("pyramap.") for other in THINGS if other.startswith(f"{name}.")}
+    listed = {name for _, name in LISTED}
+    assert name.removeprefix("pyramap.") in WITH_MEMBERS or sorted(members - listed) == []
+
+
+def test_what_is_on_a_page_exists() -> None:
+    for kind, name in LISTED - {("module", "datasets"), ("module", "scenes"), ("module", "pictures")}:
+        thing: object = pm
+        for part in name.split("."):
+            thing = getattr(thing, part)
+        assert inspect.isclass(thing) == (kind in ("class", "exception")), name
