@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import json
 import re
+import subprocess
+import sys
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -32,6 +35,12 @@ def run(*arguments: object, code: int = 0) -> Said:
     assert result.exit_code == code, f"{result.output}\n{result.exception!r}"
     assert "Traceback" not in result.output
     return Said(*(re.sub(r"\x1b\[[0-9;]*m", "", text) for text in (result.stdout, result.stderr)))
+
+
+def start_shell(arguments: Iterable[object]) -> subprocess.Popen[str]:
+    """Start the shell in a process of its own."""
+    command = [sys.executable, "-W", "error", "-m", "pyramap", *map(str, arguments)]
+    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
 
 def json_of(result: Said) -> Any:

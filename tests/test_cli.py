@@ -10,14 +10,13 @@ import sys
 import threading
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pyramap as pm
 import pytest
 import trimesh
 from pyramap.cli.interrupts import Interrupts
-from shell import FRAMES, RESOLUTION, json_of, png_bytes, rows, run, write_office
+from shell import FRAMES, RESOLUTION, json_of, png_bytes, rows, run, start_shell, write_office
 
 
 @pytest.fixture
@@ -193,11 +192,6 @@ def test_ctrl_c_stops_after_the_frame_in_work_and_keeps_the_map(keep: bool, data
         assert pm.OccupancyGrid.load(path).num_frames == report["run"]["frames"]
     else:
         assert "nothing is kept" in stderr
-
-
-def start_shell(arguments: list[Any]) -> subprocess.Popen[str]:
-    command = [sys.executable, "-W", "error", "-m", "pyramap", *map(str, arguments)]
-    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
 
 def test_a_second_ctrl_c_does_not_wait_for_the_frame() -> None:

@@ -9,6 +9,7 @@ import numpy as np
 import pyramap as pm
 import pytest
 import trimesh
+from pyramap import pictures
 from pyramap.cli import outputs
 from shell import FRAMES, RESOLUTION, json_of, png_bytes, run, write_office
 
@@ -78,6 +79,9 @@ def test_pictures_of_a_mesh_from_where_one_wants(office_map: Path, tmp_path: Pat
         ["--eye", "0,0,1.5", "--look-at", "3,0,1"],
         ["--eye", "0,0,1.5", "--look-at", "3,1,1"],
         ["--eye", "0,-9,1.5", "--look-at", "3,0,1", "--backs"],
+        ["--eye", "0,0,1.5", "--look-at", "3,0,1", "--angle", "40"],
+        ["--look-along", "-z"],
+        ["--look-along", "1,1,-0.5"],
     ]
     images = []
     for i, some in enumerate(options):
@@ -108,6 +112,41 @@ def test_slice_draws_the_plane_asked_for(office_map: Path, tmp_path: Path) -> No
     assert len(images) == 3
     assert f"wrote {path} (" in run("slice", office_map, "-o", path).stdout
     assert "no block of the map" in run("slice", office_map, "-o", path, "--at", "99", code=1).stderr
+
+
+def test_slice_draws_any_plane(office_map: Path, tmp_path: Path) -> None:
+    path = tmp_path / "s.png"
+    grid = pm.OccupancyGrid.load(office_map)
+    assert grid.bounds is not None
+    options = ["--normal", "1,0.5,-0.2", "--through", "1.5,0.2,1.1", "--up", "x"]
+    facts = json_of(run("slice", office_map, "-o", path, *options, "--json"))
+    plane = pictures.plane_through((1.5, 0.2, 1.1), (1, 0.5, -0.2), up=(1, 0, 0))
+    np.testing.assert_array_equal(png_bytes(path), pictures.slice_image(pictures.cut_plane(grid, plane)))
+    assert facts["slice"]["axis"] is None
+    assert facts["slice"]["through"] == [1.5, 0.2, 1.1]
+    np.testing.assert_allclose(facts["slice"]["normal"], np.array([1, 0.5, -0.2]) / np.linalg.norm([1, 0.5, -0.2]))
+    # By default it passes through the middle of the map.
+    facts = json_of(run("slice", office_map, "-o", path, "--normal", "1,1,0", "--json"))
+    np.testing.assert_allclose(facts["slice"]["through"], grid.bounds.mean(axis=0))
+    assert "perpendicular to (0.707, 0.707, 0)" in run("slice", office_map, "-o", path, "--normal", "1,1,0").stdout
+
+
+def test_options_that_do_not_go_together(office_map: Path, tmp_path: Path) -> None:
+    png = tmp_path / "p.png"
+    for command, words in {
+        ("slice", "-o", png, "--through", "0,0,1"): "go with --normal",
+        ("slice", "-o", png, "--normal", "1,1,0", "--at", "1"): "say --through",
+        ("slice", "-o", png, "--normal", "up"): "0,0,1 or z or -y",
+        ("mesh", "--png", png, "--angle", "50"): "goes with --eye",
+        ("mesh", "--png", png, "--eye", "0,0,1"): "go together",
+        ("mesh", "--png", png, "--eye", "0,0,1", "--look-at", "1,0,1", "--look-along", "z"): "name one",
+    }.items():
+        name, *rest = command
+        # Messages are wrapped to the width of the terminal, in a frame.
+        said = " ".join(run(name, office_map, *rest, code=2).stderr.replace("│", " ").split())
+        assert words in said, said
+    assert not png.exists()
+    assert "expected a direction" in run("slice", office_map, "-o", png, "--normal", "0,0,0", code=1).stderr
 
 
 @pytest.mark.parametrize(

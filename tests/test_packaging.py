@@ -51,7 +51,7 @@ def packages() -> dict[str, Any]:
 
 def sources(folder: Path) -> set[Path]:
     """The files below a folder that somebody wrote."""
-    made = {"__pycache__"}
+    made = {"__pycache__", ".ruff_cache", ".mypy_cache"}
     return {
         path
         for path in folder.rglob("*")

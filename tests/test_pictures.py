@@ -7,12 +7,11 @@ import subprocess
 import sys
 
 import numpy as np
-import pyramap as pm
 import pytest
 import trimesh
 from numpy.typing import NDArray
 from pyramap import pictures
-from pyramap.pictures import rendering, slice_drawing, slices
+from pyramap.pictures import rendering
 
 WHITE = np.array(rendering.BACKGROUND)
 Corner = tuple[float, float, float]
@@ -252,148 +251,40 @@ def _longest_run(row: NDArray[np.bool_]) -> int:
     return int(np.max(np.diff(edges)[::2], initial=0))
 
 
+@pytest.mark.parametrize(
+    ("direction", "up", "right", "upward"),
+    [
+        ((0, 0, -2), (0, 0, 1), (1, 0, 0), (0, 1, 0)),  # a plan: y is up, since z is looked along
+        ((0, 3, 0), (0, 0, 1), (1, 0, 0), (0, 0, 1)),
+        ((0, 0, 1), (0, -1, 0), (1, 0, 0), (0, -1, 0)),  # as the first camera looks
+        ((0, 1, 0), (0, 1, 0), (1, 0, 0), (0, 0, 1)),
+    ],
+)
+def test_looking_along_a_direction_shows_all(direction: Corner, up: Corner, right: Corner, upward: Corner) -> None:
+    block = box((-1, -2, -3), (2, 2, 1))
+    view = pictures.looking_along(block.vertices, direction, up, size=(120, 90))
+    np.testing.assert_allclose(view.axes[:, 0], right, atol=1e-12)
+    np.testing.assert_allclose(view.axes[:, 1], -np.array(upward), atol=1e-12)
+    np.testing.assert_allclose(view.axes[:, 2] * np.linalg.norm(direction), direction, atol=1e-12)
+    image = pictures.mesh_image(block.vertices, block.faces, view)
+    height, width = image.shape[:2]
+    assert width <= 120 and height <= 90 and (width == 120 or height == 90)
+    rows, columns = np.nonzero(drawn(image))
+    # The block fills the picture but for the margin, 2 % of it on each side.
+    assert rows.min() <= 3 and rows.max() >= height - 4 and columns.min() <= 3 and columns.max() >= width - 4
+    assert rows.min() > 0 and columns.min() > 0
+
+
+def test_looking_along_nothing_is_an_error() -> None:
+    with pytest.raises(ValueError, match="no faces"):
+        pictures.looking_along(np.zeros((0, 3)), (0, 0, -1))
+    with pytest.raises(ValueError, match="expected a direction"):
+        pictures.looking_along(np.eye(3), (0, 0, 0))
+
+
 def test_perspective_has_no_scale_bar() -> None:
     image = np.zeros((4, 4, 3), np.uint8)
     assert pictures.with_scale_bar(image, pictures.from_pose(np.eye(4))) is image
-
-
-# --- slices -----------------------------------------------------------------------------------------------------------
-
-
-@pytest.fixture(scope="module")
-def grid() -> pm.OccupancyGrid:
-    """Three views of a simulated room: known and unknown space, not a cube, with negative coordinates."""
-    scene = pm.scenes.box()
-    camera = pm.PinholeCamera(width=80, height=60, fx=60, fy=60, cx=39.5, cy=29.5)
-    grid = pm.OccupancyGrid(0.25, max_range=8.0)
-    for pose in scene.poses()[:31:15]:
-        grid.integrate(scene.render(camera, pose), camera, pose)
-    return grid
-
-
-def points_of(layer: pictures.Slice) -> NDArray[np.float64]:
-    """Centres of the cells of a slice in the world, (rows, columns, 3)."""
-    rows, columns = layer.log_odds.shape
-    points = np.empty((rows, columns, 3))
-    points[..., layer.axis] = layer.at
-    points[..., layer.across] = layer.origin[0] + (np.arange(columns) + 0.5) * layer.cell
-    points[..., layer.upward] = (layer.origin[1] + (np.arange(rows) + 0.5) * layer.cell)[:, None]
-    return points
-
-
-@pytest.mark.parametrize("axis", [0, 1, 2])
-@pytest.mark.parametrize("at", [-0.6, 0.0, 1.3])
-def test_a_slice_is_what_the_map_answers(grid: pm.OccupancyGrid, axis: int, at: float) -> None:
-    layer = pictures.cut(grid, axis, at)
-    assert layer.cell == grid.voxel_size
-    assert abs(layer.at - at) <= grid.voxel_size / 2
-    points = points_of(layer)
-    unknown = grid.state(points.reshape(-1, 3)).reshape(points.shape[:2]) == -1
-    np.testing.assert_array_equal(np.isnan(layer.log_odds), unknown)
-    log_odds = grid.log_odds(points.reshape(-1, 3)).reshape(points.shape[:2])
-    np.testing.assert_array_equal(layer.log_odds[~unknown], log_odds[~unknown])
-    # It is cut to what is known, and holds all of it: as many voxels as the whole layer has.
-    known = ~np.isnan(layer.log_odds)
-    assert known[0].any()
-    assert known[-1].any()
-    assert known[:, 0].any()
-    assert known[:, -1].any()
-    coords = grid.block_coords()
-    everywhere = grid.block_log_odds(coords)
-    index = coords[:, axis, None] * 8 + np.arange(8)
-    in_layer = np.moveaxis(everywhere, axis + 1, 1)[index == math.floor(at / grid.voxel_size)]
-    assert known.sum() == np.count_nonzero(in_layer)
-
-
-def test_a_large_slice_keeps_the_most_occupied_of_each_cell(
-    grid: pm.OccupancyGrid, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    fine = pictures.cut(grid, 2, 1.3)
-    monkeypatch.setattr(slices, "_LONGEST_SIDE", 12)
-    coarse = pictures.cut(grid, 2, 1.3)
-    assert max(coarse.log_odds.shape) <= 12
-    assert coarse.cell > fine.cell
-    expected = np.full(coarse.log_odds.shape, np.nan, np.float32)
-    points = points_of(fine)
-    for row, column in np.ndindex(fine.log_odds.shape):
-        x, y = points[row, column, 0] - coarse.origin[0], points[row, column, 1] - coarse.origin[1]
-        cell = math.floor(y / coarse.cell), math.floor(x / coarse.cell)
-        expected[cell] = np.fmax(expected[cell], fine.log_odds[row, column])
-    np.testing.assert_array_equal(coarse.log_odds, expected)
-
-
-def test_a_slice_beside_the_map_says_where_the_map_is(grid: pm.OccupancyGrid) -> None:
-    with pytest.raises(ValueError, match=r"no block of the map meets z = 100 m: the map spans .* to .* m"):
-        pictures.cut(grid, 2, 100.0)
-    with pytest.raises(ValueError, match="axis must be 0, 1 or 2"):
-        pictures.cut(grid, 3, 0.0)
-    with pytest.raises(ValueError, match="empty"):
-        pictures.cut(pm.OccupancyGrid(0.1), 2, 0.0)
-
-
-def logit(p: float) -> float:
-    return math.log(p / (1 - p))
-
-
-def test_the_three_states_have_the_colours_of_the_legend() -> None:
-    # The legend shows free at p = 0.1 and occupied at p = 0.9.
-    log_odds = np.array([[logit(0.1), logit(0.9), np.nan]], np.float32)
-    layer = pictures.Slice(log_odds, origin=(0.0, 0.0), cell=0.1, axis=2, at=0.05)
-    image = pictures.slice_image(layer)
-    free, occupied, unknown = slice_drawing.colours(log_odds[0])
-    assert len({tuple(colour) for colour in (free, occupied, unknown)}) == 3
-    for colour in (free, occupied, unknown):
-        rows, _ = np.nonzero(np.all(image == colour, axis=-1))
-        # A cell in the map, 400 pixels wide and high, and a patch of the legend below it, apart from it.
-        in_map = rows < image.shape[0] - 60
-        assert 390 * 390 < in_map.sum() < 410 * 410
-        assert 100 < (~in_map).sum() < 1000
-
-
-def test_any_amount_of_evidence_has_a_colour() -> None:
-    # 2^19 is the largest log-odds that a map holds.
-    log_odds = np.array([-(2.0**19), -30, 30, 2.0**19], np.float32)
-    colours = slice_drawing.colours(log_odds)
-    np.testing.assert_array_equal(colours[0], colours[1])
-    np.testing.assert_array_equal(colours[2], colours[3])
-    # Eq. 5: p = 1 / (1 + exp(-l)); the scale has 256 steps.
-    np.testing.assert_array_equal(
-        slice_drawing.colours(np.array([1.2], np.float32))[0], shade(1 / (1 + math.exp(-1.2)))
-    )
-
-
-def shade(p: float) -> NDArray[np.float64]:
-    return np.round(255 * np.array(slice_drawing.COLOURS(p)[:3]))
-
-
-def test_a_slice_is_drawn_with_its_axes_the_right_way_round() -> None:
-    # Two rows, three columns: occupied at the upper left.
-    log_odds = np.full((2, 3), -2.0, np.float32)
-    log_odds[1, 0] = 3.0
-    image = pictures.slice_image(pictures.Slice(log_odds, (0.0, 0.0), 0.1, 2, 0.05))
-    occupied = np.argwhere(np.all(image == slice_drawing.colours(log_odds[1, :1])[0], axis=-1))
-    free = np.argwhere(np.all(image == slice_drawing.colours(log_odds[0, :1])[0], axis=-1))
-    assert occupied.mean(axis=0)[0] < free.mean(axis=0)[0]
-    assert occupied.mean(axis=0)[1] < free.mean(axis=0)[1]
-
-
-# What people with each kind of colour blindness see of linear RGB (Machado, Oliveira and Fernandes 2009, severity 1).
-COLOUR_VISIONS: dict[str, list[list[float]]] = {
-    "full": [[1.0, 0, 0], [0, 1, 0], [0, 0, 1]],
-    "protanopia": [[0.152286, 1.052583, -0.204868], [0.114503, 0.786281, 0.099216], [-0.003882, -0.048116, 1.051998]],
-    "deuteranopia": [[0.367322, 0.860646, -0.227968], [0.280085, 0.672501, 0.047413], [-0.011820, 0.042940, 0.968881]],
-    "tritanopia": [[1.255528, -0.076749, -0.178779], [-0.078411, 0.930809, 0.147602], [0.004733, 0.691367, 0.303900]],
-}
-
-
-@pytest.mark.parametrize("vision", COLOUR_VISIONS)
-def test_the_states_can_be_told_apart_with_any_colour_vision(vision: str) -> None:
-    log_odds = np.array([logit(0.1), logit(0.9), np.nan], np.float32)
-    linear = (slice_drawing.colours(log_odds) / 255.0) ** 2.2
-    seen = np.clip(linear @ np.transpose(COLOUR_VISIONS[vision]), 0, 1) ** (1 / 2.2)
-    distances = [np.linalg.norm(seen[i] - seen[j]) for i, j in ((0, 1), (0, 2), (1, 2))]
-    # Of the range 0 to 1 of each channel; a step of 0.1 is plain to see between areas side by side.
-    assert min(distances) > 0.2
 
 
 def test_pictures_need_neither_a_display_nor_pyplot() -> None:

@@ -77,7 +77,7 @@ def add_types(
 
 def add_type_of_property(app: Sphinx, domain: str, kind: str, content: addnodes.desc_content) -> None:
     """A property's type behind its name."""
-    signature = content.parent[0]
+    signature: Any = content.parent[0] if content.parent else None
     if domain != "py" or kind not in ("property", "attribute") or "fullname" not in signature:
         return
     function = signature_of(signature["fullname"])

@@ -1,6 +1,7 @@
-"""The shell: `pyramap demo | map | info | mesh | slice | paper | paper`, one module each.
+"""The shell: `pyramap demo | map | info | mesh | slice | view | report | compare | bench | paper`, one module each.
 
-Exit codes: 0 done, 1 failed (the message on stderr says why), 2 wrongly called, 130 interrupted.
+Exit codes: 0 done, 1 failed (the message on stderr says why), 2 wrongly called, 3 the maps compared
+differ, 130 interrupted.
 """
 
 from __future__ import annotations
@@ -11,13 +12,17 @@ from typing import Annotated
 import typer
 
 from .. import __version__
+from .bench import bench
+from .compare import compare_files
 from .demo import run_demo
 from .failures import ExplainingGroup
 from .info import describe_map
 from .map import map_dataset
 from .mesh import mesh_map
 from .paper import repeat_paper
+from .report import report_map
 from .slice import slice_map
+from .view import view_map
 
 app = typer.Typer(
     cls=ExplainingGroup,
@@ -51,6 +56,10 @@ app.command("map")(map_dataset)
 app.command("info")(describe_map)
 app.command("mesh")(mesh_map)
 app.command("slice")(slice_map)
+app.command("view")(view_map)
+app.command("report")(report_map)
+app.command("compare")(compare_files)
+app.command("bench")(bench)
 app.command("paper")(repeat_paper)
 
 

@@ -8,10 +8,8 @@ from typing import Any
 import numpy as np
 
 from .._core import Device, OccupancyGrid
+from ..report.statistics import known_log_odds
 from .fusing import Run
-
-_BLOCKS_AT_ONCE = 8192
-"""Bounds the memory of counting: 16 MB of log-odds."""
 
 Facts = dict[str, Any]
 
@@ -60,9 +58,7 @@ def device_facts(device: Device) -> Facts:
 
 def count_occupied(grid: OccupancyGrid) -> int:
     """How many voxels are more likely occupied than free."""
-    blocks = grid.block_coords()
-    parts = (blocks[start : start + _BLOCKS_AT_ONCE] for start in range(0, len(blocks), _BLOCKS_AT_ONCE))
-    return sum(int(np.count_nonzero(grid.block_log_odds(part) > 0)) for part in parts)
+    return sum(int(np.count_nonzero(known > 0)) for known in known_log_odds(grid))
 
 
 def run_facts(run: Run, skipped: Mapping[int, str]) -> Facts:

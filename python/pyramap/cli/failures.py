@@ -8,13 +8,16 @@ import typer
 from typer.core import TyperGroup
 
 from .._core import DeviceError, MapFullError
+from ..viewer import ViewerError
 
 FAILED = 1
+DIFFERENT = 3
+"""What was compared is not the same."""
 INTERRUPTED = 130
 """128 plus the number of SIGINT, as shells have it."""
 
-EXPECTED_ERRORS = (OSError, ValueError, MapFullError, DeviceError, MemoryError)
-"""What bad input and full disks raise. Anything else is a fault of the program and keeps its traceback."""
+EXPECTED_ERRORS = (OSError, ValueError, MapFullError, DeviceError, ViewerError, MemoryError)
+"""What bad input, full disks and missing displays raise. The rest are faults of the program: they keep a traceback."""
 
 
 def explain(error: BaseException) -> str:

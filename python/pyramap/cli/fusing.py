@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections import defaultdict
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from statistics import median
 from time import perf_counter
@@ -57,6 +57,11 @@ class Run:
         return len(self.fused)
 
     @property
+    def ended_early(self) -> bool:
+        """Whether frames may be missing."""
+        return self.interrupted or self.failure is not None
+
+    @property
     def poses(self) -> list[NDArray[np.float64]]:
         """`world_from_camera` of the fused frames, (4, 4) each."""
         return [frame.world_from_camera for frame in self.fused]
@@ -78,7 +83,17 @@ class Run:
         return {name: 1e3 * median(seconds) for name, seconds in named.items() if seconds}
 
 
-def fuse(grid: OccupancyGrid, frames: Iterable[Frame], total: int, skip_bad: bool = False) -> Run:
+def _ignore(_frame: Frame) -> None:
+    """Nobody watches."""
+
+
+def fuse(
+    grid: OccupancyGrid,
+    frames: Iterable[Frame],
+    total: int,
+    skip_bad: bool = False,
+    watch: Callable[[Frame], None] = _ignore,
+) -> Run:
     """Fuse frames until they end, Ctrl-C is pressed, or an error comes; the map keeps what was fused until then.
 
     Args:
@@ -86,6 +101,7 @@ def fuse(grid: OccupancyGrid, frames: Iterable[Frame], total: int, skip_bad: boo
         frames: Where the frames come from.
         total: How many are expected, for the progress bar.
         skip_bad: Leave out a frame that the map refuses, instead of ending.
+        watch: Called with each frame that the map has taken.
     """
     run = Run()
     source = iter(frames)
@@ -100,7 +116,8 @@ def fuse(grid: OccupancyGrid, frames: Iterable[Frame], total: int, skip_bad: boo
                 if frame is None:
                     break
                 run.waited_seconds.append(perf_counter() - asked)
-                _fuse_one(grid, frame, run, skip_bad)
+                if _fuse_one(grid, frame, run, skip_bad):
+                    watch(frame)
                 progress.advance(bar)
             grid.synchronize()
         except (MapFullError, DeviceError) as error:
@@ -114,7 +131,8 @@ def fuse(grid: OccupancyGrid, frames: Iterable[Frame], total: int, skip_bad: boo
     return run
 
 
-def _fuse_one(grid: OccupancyGrid, frame: Frame, run: Run, skip_bad: bool) -> None:
+def _fuse_one(grid: OccupancyGrid, frame: Frame, run: Run, skip_bad: bool) -> bool:
+    """Whether the map has taken the frame."""
     started = perf_counter()
     try:
         stats = grid.integrate(frame.depth, frame.camera, frame.world_from_camera)
@@ -122,9 +140,10 @@ def _fuse_one(grid: OccupancyGrid, frame: Frame, run: Run, skip_bad: bool) -> No
         if not skip_bad:
             raise ValueError(f"frame {frame.index}: {error}") from error
         run.rejected[frame.index] = str(error)
-        return
+        return False
     run.integrate_seconds.append(perf_counter() - started)
     run.fused.append(Fused(frame.index, np.array(frame.world_from_camera), stats))
+    return True
 
 
 def _drop_unfused(run: Run) -> Fused | None:

@@ -13,16 +13,13 @@ from .._core import OccupancyGrid, SensorModel
 from . import values
 from .conclusion import conclude
 from .fusing import fuse
-from .options import AdapterChoice, AsJson, BackendChoice, MeshOut, MinEvidence, PictureOut, Threads
-from .outputs import check_writable, map_path, picture_path
+from .options import DATASET_HELP, AdapterChoice, AsJson, BackendChoice, MeshOut, MinEvidence, PictureOut, Threads
+from .outputs import check_writable, map_path, picture_path, recording_path
 from .products import Products
 from .values import Backend, Numbers, Topic, Update
+from .watching import Watcher, recorders
 
 NO_OFFSET = "0"
-DATASET_HELP = (
-    "Folder or file with depth images and poses: 7-Scenes, TUM RGB-D, Redwood or ICL-NUIM, ScanNet, Replica, "
-    "nerfstudio, Stray Scanner, Record3D (.r3d), or a ROS bag (.bag, .mcap, .db3, or a ROS 2 bag's folder)."
-)
 
 
 def map_dataset(
@@ -93,6 +90,11 @@ def map_dataset(
     stride: Annotated[int, typer.Option(min=1, help="Take every n-th frame.")] = 1,
     limit: Annotated[int | None, typer.Option(min=1, help="Take at most n frames.")] = None,
     skip_bad: Annotated[bool, typer.Option("--skip-bad", help="Leave out bad frames instead of stopping.")] = False,
+    view: Annotated[bool, typer.Option("--view", help="Watch in Rerun's viewer, the extra `viz`.")] = False,
+    save_view: Annotated[
+        Path | None,
+        typer.Option(callback=recording_path, help="Record what --view shows into an .rrd file, for the viewer."),
+    ] = None,
     threads: Threads = None,
     as_json: AsJson = False,
 ) -> None:
@@ -102,7 +104,7 @@ def map_dataset(
     make the rest of it. The same holds when an error ends the run early.
     """
     products = Products(output, mesh, png, inside_png, slice_png)
-    check_writable(products.paths())
+    check_writable([*products.paths(), save_view])
     grid = OccupancyGrid(
         resolution,
         sensor_model=_sensor_model(resolution, sigma, k, surface_offset),
@@ -118,8 +120,11 @@ def map_dataset(
     read = partial(datasets.open, dataset, skip_bad=skip_bad, max_gap=max_gap, topics=topics, world_frame=world_frame)
     own = None if camera is None else values.camera(camera, like=lambda: read().camera)
     frames = read(stride=stride, limit=limit, camera=own)
-    run = fuse(grid, frames, len(frames), skip_bad)
-    conclude(f"{frames.name} ({frames.format})", grid, run, frames.skipped, products, min_evidence, as_json)
+    with recorders(view, save_view) as opened:
+        watcher = Watcher(opened, grid)
+        run = fuse(grid, frames, len(frames), skip_bad, watcher.fused)
+        watcher.end(run, min_evidence)
+    conclude(f"{frames.name} ({frames.format})", grid, run, frames.skipped, products, min_evidence, as_json, save_view)
 
 
 def _sensor_model(resolution: float, sigma: Numbers | None, k: float | None, offset: str) -> SensorModel | None:

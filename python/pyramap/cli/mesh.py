@@ -11,9 +11,9 @@ from .. import pictures
 from .._core import Mesh
 from . import values
 from .maps import open_map
-from .options import AdapterChoice, AsJson, BackendChoice, MapFile, MinEvidence, PictureOut, Threads
+from .options import AdapterChoice, AsJson, BackendChoice, MapFile, MinEvidence, PictureOut, Threads, Up
 from .outputs import check_writable, mesh_path, write_mesh
-from .products import draw_mesh, file_sizes, mesh_facts
+from .products import draw_mesh, file_sizes, mesh_facts, which_way_up
 from .summary import print_files, print_json, print_table, product_rows
 from .terminal import working_on
 from .values import Backend, Numbers
@@ -30,20 +30,29 @@ def mesh_map(
     png: PictureOut = None,
     level: Annotated[float, typer.Option(help="Log-odds of the surface.")] = 0.0,
     min_evidence: MinEvidence = 0.0,
-    up: Annotated[
-        Numbers | None,
-        typer.Option(
-            parser=values.direction,
-            metavar="X,Y,Z",
-            help="Which way is up in the picture, such as z or 0,0.1,1; by default where most surface faces.",
-        ),
-    ] = None,
+    up: Up = None,
     eye: Annotated[
         Numbers | None,
         typer.Option(parser=values.point, metavar="X,Y,Z", help="Take the picture from here, metres; with --look-at."),
     ] = None,
     look_at: Annotated[
         Numbers | None, typer.Option(parser=values.point, metavar="X,Y,Z", help="Middle of a picture from --eye.")
+    ] = None,
+    angle: Annotated[
+        float | None,
+        typer.Option(
+            min=1,
+            max=170,
+            help=f"Horizontal angle of a picture from --eye, degrees; {pictures.ANGLE_DEG:g} by default.",
+        ),
+    ] = None,
+    look_along: Annotated[
+        Numbers | None,
+        typer.Option(
+            parser=values.direction,
+            metavar="X,Y,Z",
+            help="Take the picture of all of it along this direction: -z is a plan, y is from the front.",
+        ),
     ] = None,
     size: Annotated[
         Numbers | None,
@@ -65,6 +74,10 @@ def mesh_map(
         raise typer.BadParameter("nothing to do: name a mesh file with --output, a picture with --png, or both")
     if (eye is None) != (look_at is None):
         raise typer.BadParameter("--eye and --look-at go together")
+    if angle is not None and eye is None:
+        raise typer.BadParameter("--angle goes with --eye: from outside, rays are parallel")
+    if look_along is not None and eye is not None:
+        raise typer.BadParameter("--look-along and --eye are two places to look from: name one")
     check_writable(paths)
     grid = open_map(file, backend=backend.value, adapter=adapter)
     with working_on("making the mesh"):
@@ -73,12 +86,9 @@ def mesh_map(
         with working_on("saving the mesh"):
             write_mesh(output, mesh)
     if png:
-        draw_mesh(
-            png,
-            mesh,
-            _view(mesh, up, eye, look_at, (int(size[0]), int(size[1])) if size else pictures.SIZE),
-            hide_backs=not backs,
-        )
+        pixels = (int(size[0]), int(size[1])) if size else pictures.SIZE
+        view = _view(mesh, up, eye, look_at, angle or pictures.ANGLE_DEG, look_along, pixels)
+        draw_mesh(png, mesh, view, hide_backs=not backs)
     facts = {"mesh": mesh_facts(mesh), "files": file_sizes(paths)}
     if as_json:
         print_json(facts)
@@ -88,9 +98,17 @@ def mesh_map(
 
 
 def _view(
-    mesh: Mesh, up: Numbers | None, eye: Numbers | None, look_at: Numbers | None, size: tuple[int, int]
+    mesh: Mesh,
+    up: Numbers | None,
+    eye: Numbers | None,
+    look_at: Numbers | None,
+    angle: float,
+    look_along: Numbers | None,
+    size: tuple[int, int],
 ) -> pictures.View:
-    upward = pictures.up_from_mesh(mesh.vertices, mesh.faces) if up is None else up
+    upward = which_way_up(mesh, up)
     if eye is not None and look_at is not None:
-        return pictures.looking_at(eye, look_at, upward, size)
+        return pictures.looking_at(eye, look_at, upward, size, angle)
+    if look_along is not None:
+        return pictures.looking_along(mesh.vertices, look_along, upward, size)
     return pictures.overview(mesh.vertices, mesh.faces, upward, size)

@@ -9,7 +9,7 @@ import typer
 
 from .._core import set_num_threads
 from .outputs import mesh_path, picture_path
-from .values import Backend
+from .values import Backend, Numbers, direction
 
 
 def _use_threads(count: int | None) -> int | None:
@@ -18,6 +18,10 @@ def _use_threads(count: int | None) -> int | None:
     return count
 
 
+DATASET_HELP = (
+    "Folder or file with depth images and poses: 7-Scenes, TUM RGB-D, Redwood or ICL-NUIM, ScanNet, Replica, "
+    "nerfstudio, Stray Scanner, Record3D (.r3d), or a ROS bag (.bag, .mcap, .db3, or a ROS 2 bag's folder)."
+)
 MAP_HELP = "A map: a .pmap file, or a .bt or .ot file of OctoMap."
 MapFile = Annotated[Path, typer.Argument(metavar="MAP", help=MAP_HELP)]
 MeshOut = Annotated[
@@ -41,5 +45,13 @@ AdapterChoice = Annotated[
 MinEvidence = Annotated[
     float,
     typer.Option(min=0.0, help="The mesh passes by voxels with less evidence (log-odds, either sign) than this."),
+]
+Up = Annotated[
+    Numbers | None,
+    typer.Option(
+        parser=direction,
+        metavar="X,Y,Z",
+        help="Which way is up, such as z or 0,0.1,1; by default where most surface faces.",
+    ),
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout instead of a table.")]

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Collection, Iterable
+from collections.abc import Collection, Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,8 @@ from . import maps
 MAP_SUFFIXES = (maps.SUFFIX, *maps.OCTOMAP_SUFFIXES)
 MESH_SUFFIXES = (".ply", ".obj", ".stl", ".glb")
 PICTURE_SUFFIXES = (".png",)
+RECORDING_SUFFIXES = (".rrd",)
+PAGE_SUFFIXES = (".html",)
 
 
 def map_path(path: Path | None) -> Path | None:
@@ -32,6 +35,16 @@ def mesh_path(path: Path | None) -> Path | None:
 def picture_path(path: Path | None) -> Path | None:
     """Typer callback: refuse a name that is not a PNG's."""
     return _with_suffix(path, PICTURE_SUFFIXES)
+
+
+def recording_path(path: Path | None) -> Path | None:
+    """Typer callback: refuse a name that is not a recording's."""
+    return _with_suffix(path, RECORDING_SUFFIXES)
+
+
+def page_path(path: Path | None) -> Path | None:
+    """Typer callback: refuse a name that is not a page's."""
+    return _with_suffix(path, PAGE_SUFFIXES)
 
 
 def _with_suffix(path: Path | None, known: Collection[str]) -> Path | None:
@@ -63,20 +76,29 @@ def check_writable(paths: Iterable[Path | None]) -> None:
 
 def write_picture(path: Path, image: NDArray[np.uint8]) -> None:
     """Write (height, width, 3) uint8 as PNG."""
-    _write_whole(path, lambda temporary: Image.fromarray(image).save(temporary, format="PNG"))
+    with written_whole(path) as temporary:
+        Image.fromarray(image).save(temporary, format="PNG")
 
 
 def write_mesh(path: Path, mesh: Mesh) -> None:
     """Write a mesh in the format that the suffix names."""
     format = path.suffix.lower().removeprefix(".")
-    _write_whole(path, lambda temporary: mesh.to_trimesh().export(temporary, file_type=format))
+    with written_whole(path) as temporary:
+        mesh.to_trimesh().export(temporary, file_type=format)
 
 
-def _write_whole(path: Path, write: Callable[[Path], object]) -> None:
-    """Write beside the file, then rename over it: who reads `path` never meets half a file."""
+def write_page(path: Path, html: str) -> None:
+    """Write a page."""
+    with written_whole(path) as temporary:
+        temporary.write_text(html, encoding="utf-8")
+
+
+@contextmanager
+def written_whole(path: Path) -> Iterator[Path]:
+    """A file beside `path` that takes its place when the block ends well: who reads `path` never meets half a file."""
     temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
-        write(temporary)
+        yield temporary
         temporary.replace(path)
     finally:
         temporary.unlink(missing_ok=True)

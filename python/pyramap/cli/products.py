@@ -87,11 +87,27 @@ def draw_mesh(path: Path, mesh: Mesh, view: pictures.View, hide_backs: bool = Tr
 
 
 def draw_slice(path: Path, grid: OccupancyGrid, axis: int, at: float) -> Facts:
-    """Write a picture of the slice of a map at `at` metres along an axis; say where the layer's centre lies."""
+    """Write a picture of the layer of voxels at `at` metres along an axis, and say where its centre lies."""
     with working_on("drawing the slice"):
-        layer = pictures.cut(grid, axis, at)
-        write_picture(path, pictures.slice_image(layer))
-    return {"axis": pictures.AXES[axis], "at": layer.at}
+        return write_slice(path, pictures.cut(grid, axis, at))
+
+
+def write_slice(path: Path, layer: pictures.Slice) -> Facts:
+    """Write a picture of a slice, and say where it lies."""
+    write_picture(path, pictures.slice_image(layer))
+    return slice_facts(layer)
+
+
+def slice_facts(layer: pictures.Slice) -> Facts:
+    """Where a slice lies; metres."""
+    plane = layer.plane
+    return {
+        "plane": plane.title,
+        "axis": None if plane.axis is None else pictures.AXES[plane.axis],
+        "at": plane.at,
+        "through": plane.origin.tolist(),
+        "normal": plane.normal.tolist(),
+    }
 
 
 def guess_up(mesh: Mesh, poses: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
@@ -100,6 +116,11 @@ def guess_up(mesh: Mesh, poses: Sequence[NDArray[np.float64]]) -> NDArray[np.flo
         return pictures.up_from_poses(poses)
     except ValueError:
         return pictures.up_from_mesh(mesh.vertices, mesh.faces)
+
+
+def which_way_up(mesh: Mesh, up: Sequence[float] | None) -> NDArray[np.float64]:
+    """The direction that was asked for, as a unit vector, or else the one that most of a mesh faces."""
+    return pictures.up_from_mesh(mesh.vertices, mesh.faces) if up is None else pictures.unit(up)
 
 
 def eye_level(poses: Sequence[NDArray[np.float64]]) -> tuple[int, float]:

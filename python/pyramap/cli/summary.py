@@ -29,6 +29,16 @@ def print_table(title: str, rows: Iterable[Row]) -> None:
     Console().print(table)
 
 
+def print_columns(header: Iterable[str], rows: Iterable[Iterable[str]]) -> None:
+    """A table with a column for each of several things; the first column names the rows."""
+    table = Table()
+    for number, name in enumerate(header):
+        table.add_column(name, no_wrap=number == 0, justify="right" if number else "left")
+    for row in rows:
+        table.add_row(*row)
+    Console().print(table)
+
+
 def map_rows(facts: Facts) -> Iterator[Row]:
     """Rows for `map_facts`."""
     yield "voxel size", f"{facts['voxel_size']:g} m"
@@ -88,7 +98,15 @@ def product_rows(facts: Facts) -> Iterator[Row]:
     if "mesh" in facts:
         yield "mesh", "{vertices:,} vertices, {triangles:,} triangles".format(**facts["mesh"])
     if "slice" in facts:
-        yield "slice", "{axis} = {at:.3f} m".format(**facts["slice"])
+        yield "slice", facts["slice"]["plane"]
+
+
+def view_rows(facts: Facts) -> Iterator[Row]:
+    """Rows for what the viewer was given."""
+    yield "voxels", f"{facts['boxes']:,} boxes of {facts['box_edge']:g} m"
+    yield from product_rows(facts)
+    if facts["frames"]:
+        yield "frames", f"{facts['frames']:,} shown, {len(facts['left_out']):,} left out"
 
 
 def print_files(facts: Facts) -> None:

@@ -28,7 +28,7 @@ def with_scale_bar(image: NDArray[np.uint8], view: View) -> NDArray[np.uint8]:
         return image
     height, width = image.shape[:2]
     text_size = max(12, width // 64)
-    metres = _round_length(view.width / 5)
+    metres = round_length(view.width / 5)
     pixels = round(metres / view.width * width)
     canvas = Image.new("RGB", (width, height + 3 * text_size), BACKGROUND)
     canvas.paste(Image.fromarray(image), (0, 0))
@@ -42,7 +42,7 @@ def with_scale_bar(image: NDArray[np.uint8], view: View) -> NDArray[np.uint8]:
     return np.asarray(canvas)
 
 
-def _round_length(about: float) -> float:
+def round_length(about: float) -> float:
     """The largest of 1, 2, 5 times a power of ten that is at most `about`."""
     power = 10.0 ** math.floor(math.log10(about))
     return power * max(step for step in (1, 2, 5) if step * power <= about * (1 + 1e-9))

@@ -1,58 +1,53 @@
-"""Picture of an axis-aligned plane through a map: free, occupied and unknown."""
+"""Planes through a map: free, occupied and unknown."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .._core import OccupancyGrid
+from .planes import Plane, axis_plane
 
-AXES = "xyz"
 BLOCK = 8
-"""Voxels along the edge of a block, as `OccupancyGrid.block_log_odds` returns them."""
+"""Voxels along the edge of a block, as `OccupancyGrid.block_coords` counts them."""
 
 _LONGEST_SIDE = 2000
 """Most cells along a side of a slice; more voxels than that are gathered into cells."""
-_BLOCKS_AT_ONCE = 4096
-"""Bounds the memory of reading: 8 MB of log-odds."""
+_POINTS_AT_ONCE = 1_000_000
+"""Bounds the memory of reading: 24 MB of points."""
+
+Values = NDArray[np.float32]
+Read = Callable[[NDArray[np.float64]], Values]
+"""(N, 3) points to (N,) float32 values, NaN where unknown."""
 
 
 @dataclass(frozen=True)
 class Slice:
-    """One layer of voxels.
+    """What a map answers on a plane.
 
     Attributes:
-        log_odds: (rows, columns) float32, NaN where unknown; columns run along `across`, rows along `upward`.
-        origin: World coordinates of the lower corner of cell (0, 0) along `across` and `upward`, metres.
+        log_odds: (rows, columns) float32, NaN where unknown; columns run to the right, rows upward.
+        origin: Coordinates in the plane of the lower left corner of cell (0, 0), metres: to the right, and upward.
         cell: Edge of a cell in metres: the voxel size, or a multiple of it.
-        axis: Axis that the slice is perpendicular to: 0, 1, 2 for x, y, z.
-        at: Where the layer's centre lies on that axis, metres.
+        plane: Where it lies.
     """
 
-    log_odds: NDArray[np.float32]
+    log_odds: Values
     origin: tuple[float, float]
     cell: float
-    axis: int
-    at: float
+    plane: Plane
 
     @property
-    def across(self) -> int:
-        """Axis that runs to the right."""
-        return 1 if self.axis == 0 else 0
-
-    @property
-    def upward(self) -> int:
-        """Axis that runs upwards."""
-        return 1 if self.axis == 2 else 2
+    def at(self) -> float:
+        """Signed distance of the plane from the world's origin, metres: of an axis's plane, the position there."""
+        return self.plane.at
 
 
 def cut(grid: OccupancyGrid, axis: int, at: float) -> Slice:
-    """Read the layer of voxels that contains the plane `axis = at`.
-
-    Where the layer is longer than 2000 voxels, cells of n x n voxels stand for it, each with the log-odds of its most
-    occupied known voxel, so that thin walls stay.
+    """Read the layer of voxels that contains the plane `axis = at`; see `cut_plane`.
 
     Args:
         grid: The map.
@@ -62,47 +57,65 @@ def cut(grid: OccupancyGrid, axis: int, at: float) -> Slice:
     Raises:
         ValueError: `axis` is none of the three, or the plane meets no block of the map.
     """
-    if axis not in (0, 1, 2):
-        raise ValueError(f"axis must be 0, 1 or 2 for x, y or z, got {axis!r}")
-    layer = int(np.floor(at / grid.voxel_size))
-    met = _blocks_at(grid, axis, layer)
-    across, upward = (other for other in range(3) if other != axis)
-    plane = [upward, across]
-    first = met[:, plane].min(axis=0).astype(np.int64) * BLOCK
-    voxels = (met[:, plane].max(axis=0) + 1) * BLOCK - first
-    stride = -(-int(voxels.max()) // _LONGEST_SIDE)
-    cells = np.full(-(-voxels // stride), np.nan, dtype=np.float32)
-    for start in range(0, len(met), _BLOCKS_AT_ONCE):
-        some = met[start : start + _BLOCKS_AT_ONCE]
-        log_odds = np.take(grid.block_log_odds(some), layer % BLOCK, axis=axis + 1)
-        log_odds = np.where(log_odds == 0, np.float32(np.nan), log_odds).swapaxes(1, 2)  # rows run upward
-        rows, columns = ((some[:, plane] * BLOCK - first)[..., None] + np.arange(BLOCK)).swapaxes(0, 1) // stride
-        np.fmax.at(cells, (rows[:, :, None], columns[:, None, :]), log_odds)
-    cells, corner = _trim(cells)
-    row_start, column_start = (first + corner * stride) * grid.voxel_size
-    return Slice(
-        log_odds=cells,
-        origin=(float(column_start), float(row_start)),
-        cell=grid.voxel_size * stride,
-        axis=axis,
-        at=(layer + 0.5) * grid.voxel_size,
-    )
+    return cut_plane(grid, layer_plane(grid.voxel_size, axis, at))
 
 
-def _blocks_at(grid: OccupancyGrid, axis: int, layer: int) -> NDArray[np.int32]:
-    """(B, 3) coordinates of the blocks that hold a layer of voxels."""
-    blocks = grid.block_coords()
-    if len(blocks) == 0:
-        raise ValueError("the map is empty: there is nothing to slice")
-    met: NDArray[np.int32] = blocks[blocks[:, axis] == layer // BLOCK]
-    if len(met) == 0:
-        edge = BLOCK * grid.voxel_size
-        low, high = blocks[:, axis].min() * edge, (blocks[:, axis].max() + 1) * edge
-        raise ValueError(
-            f"no block of the map meets {AXES[axis]} = {layer * grid.voxel_size:g} m: "
-            f"the map spans {low:g} to {high:g} m there"
-        )
-    return met
+def layer_plane(voxel_size: float, axis: int, at: float) -> Plane:
+    """The plane through the centres of the layer of voxels that contains `axis = at`.
+
+    Args:
+        voxel_size: Metres.
+        axis: 0, 1 or 2 for x, y or z.
+        at: Metres.
+
+    Raises:
+        ValueError: `axis` is none of the three.
+    """
+    return axis_plane(axis, (np.floor(at / voxel_size) + 0.5) * voxel_size)
+
+
+def cut_plane(grid: OccupancyGrid, plane: Plane) -> Slice:
+    """Read a map on any plane, at points that lie a voxel apart: each shows the voxel that it lies in.
+
+    Where the map is longer than 2000 voxels, cells of n x n points stand for it, each with the log-odds of its most
+    occupied known voxel, so that thin walls stay.
+
+    Args:
+        grid: The map.
+        plane: Such as `plane_through` makes.
+
+    Raises:
+        ValueError: The plane meets no block of the map.
+    """
+
+    def known_log_odds(points: NDArray[np.float64]) -> Values:
+        return np.where(grid.state(points) < 0, np.float32(np.nan), grid.log_odds(points))
+
+    return _read_plane([grid], plane, known_log_odds, np.fmax.reduce)
+
+
+def cut_difference(before: OccupancyGrid, after: OccupancyGrid, plane: Plane) -> Slice:
+    """Read on a plane by how much the log-odds of two maps of one voxel size differ: `after` minus `before`.
+
+    A voxel that only one of them knows counts as no evidence in the other; one that neither knows is NaN. Where cells
+    stand for several voxels, each has the largest difference of either sign.
+
+    Args:
+        before: One map.
+        after: The other.
+        plane: Such as `plane_through` makes.
+
+    Raises:
+        ValueError: The voxel sizes differ, or the plane meets no block of either map.
+    """
+    if before.voxel_size != after.voxel_size:
+        raise ValueError(f"voxels of {before.voxel_size:g} m and of {after.voxel_size:g} m cannot be compared")
+
+    def difference(points: NDArray[np.float64]) -> Values:
+        neither = (before.state(points) < 0) & (after.state(points) < 0)
+        return np.where(neither, np.float32(np.nan), after.log_odds(points) - before.log_odds(points))
+
+    return _read_plane([before, after], plane, difference, _largest)
 
 
 def slice_image(layer: Slice) -> NDArray[np.uint8]:
@@ -117,12 +130,70 @@ def slice_image(layer: Slice) -> NDArray[np.uint8]:
     return draw(layer)
 
 
-def _trim(cells: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
-    """The part of the cells that holds all known ones, and the indices of its first; all, if none is known."""
+def difference_image(layer: Slice) -> NDArray[np.uint8]:
+    """Draw what `cut_difference` read, with axes in metres, a scale of log-odds and a legend.
+
+    Returns:
+        (height, width, 3) uint8 image.
+    """
+    from .slice_drawing import draw_difference
+
+    return draw_difference(layer)
+
+
+def _read_plane(grids: Sequence[OccupancyGrid], plane: Plane, read: Read, gather: Callable[..., Values]) -> Slice:
+    """Read all that maps hold on a plane; `gather` reduces an axis of the values to the one that stands for them."""
+    step = grids[0].voxel_size
+    low, high = _extent(np.concatenate([grid.block_coords() for grid in grids]), step, plane)
+    stride = -(-int(np.max(high - low)) // _LONGEST_SIDE)
+    columns, rows = -(-(high - low) // stride)
+    right = (low[0] + np.arange(columns * stride) + 0.5) * step
+    strip = max(1, _POINTS_AT_ONCE // (len(right) * stride))
+    cells = np.empty((rows, columns), dtype=np.float32)
+    for top in range(0, rows, strip):
+        some = slice(top, min(top + strip, rows))
+        upward = (low[1] + np.arange(some.start * stride, some.stop * stride) + 0.5) * step
+        values = read(plane.points(right, upward).reshape(-1, 3)).reshape(len(upward), -1)
+        cells[some] = gather(
+            gather(values.reshape(-1, stride, len(right)), axis=1).reshape(-1, columns, stride), axis=2
+        )
+    cells, corner = _trim(cells)
+    column_start, row_start = (low + corner * stride) * step
+    return Slice(cells, (float(column_start), float(row_start)), step * stride, plane)
+
+
+def _extent(blocks: NDArray[np.int32], step: float, plane: Plane) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """The part of a plane that blocks meet, in steps to the right and upward: the first, and that behind the last."""
+    if len(blocks) == 0:
+        raise ValueError("the map is empty: there is nothing to slice")
+    edge = BLOCK * step
+    centres = (blocks + 0.5) * edge - plane.origin
+    directions = np.stack([plane.right, plane.upward, plane.normal])
+    along = centres @ directions.T
+    # How far a cube reaches from its centre in each direction.
+    reach = edge / 2 * np.abs(directions).sum(axis=1)
+    met = along[np.abs(along[:, 2]) <= reach[2], :2]
+    if len(met) == 0:
+        low, high = along[:, 2].min() - reach[2] + plane.at, along[:, 2].max() + reach[2] + plane.at
+        where = plane.title if plane.axis is not None else f"the plane {plane.title}, {plane.at:g} m along it"
+        raise ValueError(f"no block of the map meets {where}: the map spans {low:g} to {high:g} m there")
+    low = np.floor((met.min(axis=0) - reach[:2]) / step).astype(np.int64)
+    high = np.ceil((met.max(axis=0) + reach[:2]) / step).astype(np.int64)
+    return low, high
+
+
+def _largest(values: Values, axis: int) -> Values:
+    """Along an axis, the known value that is farthest from 0."""
+    highest, lowest = np.fmax.reduce(values, axis=axis), np.fmin.reduce(values, axis=axis)
+    return np.asarray(np.where(highest > -lowest, highest, lowest))
+
+
+def _trim(cells: Values) -> tuple[Values, NDArray[np.int64]]:
+    """The part of the cells that holds all known ones, and the column and row of its first; all, if none is known."""
     known = ~np.isnan(cells)
     spans = []
     for axis in (0, 1):
         used = np.flatnonzero(known.any(axis=1 - axis))
         spans.append((used[0], used[-1] + 1) if len(used) else (0, cells.shape[axis]))
-    (top, bottom), (first, last) = spans
-    return cells[top:bottom, first:last], np.array([top, first])
+    (bottom, top), (first, last) = spans
+    return cells[bottom:top, first:last], np.array([first, bottom])

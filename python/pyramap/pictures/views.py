@@ -15,7 +15,8 @@ _MARGIN = 1.04
 """Width of the picture relative to what it shows."""
 _ENOUGH_FACES = 200_000
 """A statistic over directions needs no more faces than this."""
-
+_PARALLEL = 1e-6
+"""Sine of an angle below which two directions are the same."""
 
 SIZE = (1600, 1200)
 """Width and height of pictures, pixels."""
@@ -122,7 +123,34 @@ def overview(vertices: ArrayLike, faces: ArrayLike, up: ArrayLike = (0, 0, 1), s
         cosines = np.maximum(-areas @ axes[:, 2], 0.0) / np.maximum(sizes, 1e-20)
         return float(sizes @ cosines**2) * _scale(np.ptp(centres @ axes[:, :2], axis=0), size)
 
-    axes = max((_looking_down(_unit(up), math.radians(degrees)) for degrees in range(0, 360, 15)), key=shown)
+    axes = max((_looking_down(unit(up), math.radians(degrees)) for degrees in range(0, 360, 15)), key=shown)
+    return _framing(vertices, axes, size)
+
+
+def looking_along(
+    vertices: ArrayLike, direction: ArrayLike, up: ArrayLike = (0, 0, 1), size: tuple[int, int] = SIZE
+) -> View:
+    """A view of all of a mesh along one direction, parallel rays: -z is a plan, y an elevation from the front.
+
+    Args:
+        vertices: (V, 3) metres.
+        direction: (3,) where one looks, any length.
+        up: (3,) direction that points upward in the picture; where one looks along it, y does, or z along y.
+        size: Most pixels in width and height; the picture is cut to what it shows.
+
+    Raises:
+        ValueError: There are no vertices, or `direction` or `up` is not a finite direction.
+    """
+    vertices, forward = np.asarray(vertices, dtype=np.float64), unit(direction)
+    if len(vertices) == 0:
+        raise ValueError("the mesh has no faces: there is nothing to look at")
+    sideways = (np.cross(forward, unit(upward)) for upward in (up, (0, 1, 0), (0, 0, 1)))
+    right = unit(next(vector for vector in sideways if np.linalg.norm(vector) > _PARALLEL))
+    return _framing(vertices, np.stack([right, np.cross(forward, right), forward], axis=1), size)
+
+
+def _framing(vertices: NDArray[np.float64], axes: NDArray[np.float64], size: tuple[int, int]) -> View:
+    """The view along given axes, parallel rays, that shows all vertices."""
     within = vertices @ axes
     low, high = within.min(axis=0), within.max(axis=0)
     extent = (high - low)[:2] * _MARGIN
@@ -172,11 +200,11 @@ def looking_at(
     Raises:
         ValueError: `eye` and `target` coincide, or `up` points along the line of sight.
     """
-    forward = _unit(np.subtract(target, eye))
-    right = np.cross(forward, _unit(up))
-    if np.linalg.norm(right) < 1e-6:
+    forward = unit(np.subtract(target, eye))
+    right = np.cross(forward, unit(up))
+    if np.linalg.norm(right) < _PARALLEL:
         raise ValueError(f"up {up!r} points along the line of sight from {eye!r} to {target!r}")
-    right = _unit(right)
+    right = unit(right)
     pose = np.eye(4)
     pose[:3] = np.stack([right, np.cross(forward, right), forward, np.asarray(eye, dtype=np.float64)], axis=1)
     return from_pose(pose, size, angle_deg, back=0.0)
@@ -185,7 +213,7 @@ def looking_at(
 def _looking_down(up: NDArray[np.float64], azimuth: float) -> NDArray[np.float64]:
     """Axes of a picture taken from azimuth `azimuth` (radians about `up`) and from `_ELEVATION_DEG` above."""
     side = np.eye(3)[np.argmin(np.abs(up))]
-    east = _unit(np.cross(side, up))
+    east = unit(np.cross(side, up))
     north = np.cross(up, east)
     heading = math.cos(azimuth) * east + math.sin(azimuth) * north
     elevation = math.radians(_ELEVATION_DEG)
@@ -199,7 +227,12 @@ def _scale(extent: NDArray[np.float64], size: tuple[int, int]) -> float:
     return float(np.min(np.array(size) / np.maximum(extent, 1e-3)))
 
 
-def _unit(vector: ArrayLike) -> NDArray[np.float64]:
+def unit(vector: ArrayLike) -> NDArray[np.float64]:
+    """A direction's unit vector.
+
+    Raises:
+        ValueError: It is not three finite numbers, or all are zero.
+    """
     vector = np.asarray(vector, dtype=np.float64)
     length = float(np.linalg.norm(vector)) if vector.shape == (3,) else math.nan
     if not (math.isfinite(length) and length > 0):
