@@ -16,17 +16,20 @@ version = release = pyramap.__version__
 extensions = [
     "sphinx.ext.autodoc",
     "sphinx.ext.napoleon",
-    "sphinx.ext.mathjax",
     "myst_nb",
     # Our own, in _ext:
     "docstrings",
     "made_at_build",
+    "mathml",
     "source_names",
 ]
 exclude_patterns = ["images", "generated/shell.md"]
 nitpicky = True
 
+html_math_renderer = "mathml"
 html_theme = "furo"
+html_static_path = ["_static"]
+html_css_files = ["equations.css"]
 html_title = f"pyramap {version}"
 html_copy_source = False
 maximum_signature_line_length = 100
