@@ -79,6 +79,9 @@ impl OccupancyGrid {
     /// A ray starts in the voxel that contains its origin, and enters every voxel of which it cuts a piece, however
     /// short; voxels that it only touches at an edge or a corner do not stop it. All beyond the map's blocks is unknown.
     ///
+    /// Once so many rays were cast that it pays, how much room there is around each voxel is kept until the map changes:
+    /// a byte a voxel, of all blocks and, with "pass", of their neighbours, for either word. `nbytes` does not count these.
+    ///
     /// Args:
     ///     origins: (N, 3) world coordinates, metres; or (3,), the same for all rays.
     ///     directions: (N, 3) vectors of any length but zero.

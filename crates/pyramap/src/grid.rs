@@ -12,6 +12,7 @@ use crate::history::History;
 use crate::log_odds;
 use crate::pose::Pose;
 use crate::ranges;
+use crate::rays::Kept;
 use crate::sensor::SensorTable;
 use crate::sensors::Sensor;
 use crate::stats::{FrameStats, Stopwatch, Submitted};
@@ -43,6 +44,8 @@ pub struct OccupancyGrid {
     num_frames: i64,
     saturated: u64,
     history: History,
+    /// What rays found out about the blocks as they are; whoever changes one gives it up.
+    pub(crate) rays: Kept,
     /// The frame that the device works on.
     begun: Option<Frame>,
     /// The frame that is being added.
@@ -94,6 +97,7 @@ impl OccupancyGrid {
             num_frames: 0,
             saturated: 0,
             history: History::default(),
+            rays: Kept::default(),
             begun: None,
             committing: None,
             buffers: Buffers::default(),
@@ -197,6 +201,7 @@ impl OccupancyGrid {
         frame.stats = FrameStats::count(seen);
 
         let mut watch = Stopwatch::start();
+        self.rays = Kept::default();
         changes.sort(seen, self.free_increment);
         let (limits, directory) = (self.config.limits(), &mut self.directory);
         let commit = Commit { changes, sign: frame.sign, limits, directory, buffers };
@@ -265,6 +270,7 @@ impl OccupancyGrid {
 
     /// Stores a block in the form that fits it; a slot for it was reserved.
     fn store(&mut self, key: BlockKey, values: &BlockData) {
+        self.rays = Kept::default();
         match (Block::Dense(values).uniform_value(), self.slot(key)) {
             (Some(value), slot) => {
                 slot.into_iter().for_each(|slot| self.backend.release(slot));
@@ -281,6 +287,7 @@ impl OccupancyGrid {
 
     /// Stores a block that the map does not hold yet.
     pub(crate) fn put_block(&mut self, key: BlockKey, block: Block) -> Result<()> {
+        self.rays = Kept::default();
         match block {
             Block::Uniform(value) => set_uniform(&mut self.directory, key, value),
             block => self.set_block(key, &block.to_data())?,

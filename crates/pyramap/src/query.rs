@@ -1,12 +1,12 @@
 //! Questions at points: log-odds, probability, and whether a voxel is free, occupied or unknown.
 
-use crate::block::{BLOCK_VOXELS, Block, BlockKey, Blocks, VoxelIndex, locate};
+use crate::block::{BLOCK_VOXELS, Block, BlockKey, Blocks, NarrowBlockData, VoxelIndex, locate};
 use crate::error::{Error, Result};
 use crate::grid::OccupancyGrid;
 use crate::log_odds;
-use crate::ray::{each, floor};
+use crate::ray::{each, floor, whole};
 use crate::state::{State, Threshold};
-use crate::window::Lookup;
+use crate::window::{Layout, Lookup, QUESTIONS_PER_BLOCK, Window};
 use rayon::prelude::*;
 
 /// How values at voxel centres become values at points.
@@ -95,23 +95,24 @@ impl OccupancyGrid {
         points: &[[f64; 3]],
         answer: impl Fn(i32) -> T + Sync,
     ) -> Result<Vec<T>> {
-        /// So many points at a time: first which voxels they are in, then what those hold. Each point alone would take
-        /// longer, since a processor that has guessed a block wrongly throws away all that it has begun on later points.
-        const CHUNK: usize = 64;
-        check_finite("points", points)?;
         self.fetch()?;
-        let (blocks, voxel_size) = (Lookup::new(self, points.len()), self.voxel_size());
-        let mut answers = vec![T::default(); points.len()];
+        let (voxel_size, mut answers) = (self.voxel_size(), vec![T::default(); points.len()]);
         let chunks = answers.par_chunks_mut(CHUNK).zip(points.par_chunks(CHUNK)).with_min_len(16);
-        chunks.for_each(|(answers, points)| {
-            let mut voxels = [[0; 3]; CHUNK];
-            for (voxel, point) in voxels.iter_mut().zip(points) {
-                *voxel = each(|a| floor(point[a] / voxel_size));
+        let nothing = Values::of(Block::Uniform(0));
+        let all_finite = match Window::new(self, points.len() / QUESTIONS_PER_BLOCK, [nothing; 2], Values::of) {
+            Some(window) => {
+                let find = |(answers, points): (&mut [T], &[_])| find(&window, voxel_size, points, answers, &answer);
+                chunks.map(find).reduce(|| true, |one, other| one & other)
             }
-            for (out, voxel) in answers.iter_mut().zip(voxels) {
-                *out = answer(evidence(&blocks, voxel));
+            None => {
+                let answer = |point: &[f64; 3]| answer(evidence(self, each(|a| floor(point[a] / voxel_size))));
+                chunks.for_each(|(out, points)| out.iter_mut().zip(points).for_each(|(out, at)| *out = answer(at)));
+                false
             }
-        });
+        };
+        if !all_finite {
+            check_finite("points", points)?;
+        }
         Ok(answers)
     }
 
@@ -123,6 +124,92 @@ impl OccupancyGrid {
         let answer = |point: &[f64; 3]| answer(interpolated(&blocks, each(|a| point[a] / voxel_size)));
         Ok(points.par_iter().with_min_len(1024).map(answer).collect())
     }
+}
+
+/// So many points at a time: first which voxels all of them are in, then what those hold.
+const CHUNK: usize = 64;
+
+/// The evidence of a block's voxels, in whatever form it is stored, as a sum of three numbers: to find it takes no branch,
+/// and a processor that guesses the form of a block would often be wrong.
+#[derive(Clone, Copy)]
+struct Values<'a> {
+    narrow: &'a NarrowBlockData,
+    /// A number a voxel, or one for all.
+    wide: &'a [i32],
+    all: i32,
+}
+
+impl<'a> Values<'a> {
+    fn of(block: Block<'a>) -> Self {
+        const NOTHING: Values = Values { narrow: &[0; BLOCK_VOXELS], wide: &[0], all: 0 };
+        match block {
+            Block::Uniform(all) => Self { all, ..NOTHING },
+            Block::Narrow(narrow) => Self { narrow, ..NOTHING },
+            Block::Dense(wide) => Self { wide, ..NOTHING },
+        }
+    }
+
+    #[inline(always)]
+    fn get(&self, offset: usize) -> i32 {
+        i32::from(self.narrow[offset]) + self.wide[offset & (self.wide.len() - 1)] + self.all
+    }
+}
+
+/// Answers up to [`CHUNK`] points by the voxels that contain them, with the widest instructions that the processor has;
+/// gives whether all points are finite.
+fn find<T>(
+    window: &Window<Values>,
+    voxel_size: f64,
+    points: &[[f64; 3]],
+    answers: &mut [T],
+    answer: &impl Fn(i32) -> T,
+) -> bool {
+    #[cfg(target_arch = "x86_64")]
+    {
+        #[target_feature(enable = "avx2")]
+        fn with_avx2<T>(
+            window: &Window<Values>,
+            voxel_size: f64,
+            points: &[[f64; 3]],
+            answers: &mut [T],
+            answer: &impl Fn(i32) -> T,
+        ) -> bool {
+            find_all(window, voxel_size, points, answers, answer)
+        }
+        if is_x86_feature_detected!("avx2") {
+            // SAFETY: the processor was just asked.
+            return unsafe { with_avx2(window, voxel_size, points, answers, answer) };
+        }
+    }
+    find_all(window, voxel_size, points, answers, answer)
+}
+
+#[inline(always)]
+fn find_all<T>(
+    window: &Window<Values>,
+    voxel_size: f64,
+    points: &[[f64; 3]],
+    answers: &mut [T],
+    answer: &impl Fn(i32) -> T,
+) -> bool {
+    let (layout, mut all_finite) = (window.layout(), true);
+    let (mut along, mut places, mut offsets) = ([[0; CHUNK]; 3], [0; CHUNK], [0; CHUNK]);
+    for (a, along) in along.iter_mut().enumerate() {
+        for (along, point) in along.iter_mut().zip(points) {
+            *along = layout.along(a, whole(point[a] / voxel_size));
+            all_finite &= point[a].abs() <= f64::MAX;
+        }
+    }
+    for n in 0..CHUNK {
+        let along = each(|a| along[a][n]);
+        (places[n], offsets[n]) = (layout.place(along), Layout::offset(along));
+    }
+    let mut evidence = [0; CHUNK];
+    for n in 0..points.len().min(CHUNK) {
+        evidence[n] = window.at(places[n]).get(offsets[n] as usize % BLOCK_VOXELS);
+    }
+    answers.iter_mut().zip(evidence).for_each(|(out, evidence)| *out = answer(evidence));
+    all_finite
 }
 
 /// Stored evidence of a voxel; 0 wherever nothing is stored.

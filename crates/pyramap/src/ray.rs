@@ -44,21 +44,8 @@ impl Ray {
     /// A ray from an origin given in voxels, which lies within `i32`, along a direction of any length but zero.
     #[inline(always)]
     pub fn new(origin: [f64; 3], direction: [f64; 3]) -> Self {
-        // Scaled first, exactly, so that squares neither overflow nor vanish.
-        let largest = most(most(direction[0].abs(), direction[1].abs()), direction[2].abs());
-        let scale = if largest < SMALL { HUGE } else { 1.0 };
-        let scale = if largest > 1.0 / SMALL { 1.0 / HUGE } else { scale };
-        let scaled = each(|a| direction[a] * scale);
-        let length = (scaled[0] * scaled[0] + scaled[1] * scaled[1] + scaled[2] * scaled[2]).sqrt();
-        let (inverse, one) = (each(|a| length / scaled[a]), 1.0 / length);
-        // A component without a finite inverse never leads to another voxel: it counts as none, and as upwards.
-        let moves = each(|a| inverse[a].abs() <= f64::MAX);
-        Self {
-            origin,
-            direction: each(|a| if moves[a] { scaled[a] * one } else { 0.0 }),
-            inverse: each(|a| if moves[a] { inverse[a] } else { f64::INFINITY }),
-            upwards: each(|a| !moves[a] | (scaled[a] > 0.0)),
-        }
+        let Directions { unit, inverse, sign } = Directions::new(direction.map(|c| [c]));
+        Self { origin, direction: unit.map(|[c]| c), inverse: inverse.map(|[c]| c), upwards: sign.map(|[s]| s > 0.0) }
     }
 
     /// Where the ray starts: in the voxel that contains its origin.
@@ -154,13 +141,68 @@ impl Ray {
     }
 }
 
+/// The directions of `N` rays, by axis.
+pub struct Directions<const N: usize> {
+    /// As [`Ray::direction`].
+    pub unit: [[f64; N]; 3],
+    /// As [`Ray::inverse`].
+    pub inverse: [[f64; N]; 3],
+    /// 1 on axes along which coordinates rise or stay, -1 where they fall.
+    pub sign: [[f64; N]; 3],
+}
+
+impl<const N: usize> Directions<N> {
+    /// Directions of any length but zero.
+    #[inline(always)]
+    pub fn new(given: [[f64; N]; 3]) -> Self {
+        // Scaled first, exactly, so that squares neither overflow nor vanish.
+        let largest = lanes::<N>(|n| most(most(given[0][n].abs(), given[1][n].abs()), given[2][n].abs()));
+        let scale = lanes::<N>(|n| if largest[n] < SMALL { HUGE } else { 1.0 });
+        let scale = lanes::<N>(|n| if largest[n] > 1.0 / SMALL { 1.0 / HUGE } else { scale[n] });
+        let scaled: [[f64; N]; 3] = each(|a| lanes::<N>(|n| given[a][n] * scale[n]));
+        let [x, y, z] = scaled;
+        let length = lanes::<N>(|n| (x[n] * x[n] + y[n] * y[n] + z[n] * z[n]).sqrt());
+        let one = lanes::<N>(|n| 1.0 / length[n]);
+        let inverse = each(|a| lanes::<N>(|n| length[n] / scaled[a][n]));
+        // A component without a finite inverse never leads to another voxel: it counts as none, and as upwards.
+        let moves = |a: usize, n: usize| inverse[a][n].abs() <= f64::MAX;
+        Self {
+            unit: each(|a| lanes::<N>(|n| if moves(a, n) { scaled[a][n] * one[n] } else { 0.0 })),
+            inverse: each(|a| lanes::<N>(|n| if moves(a, n) { inverse[a][n] } else { f64::INFINITY })),
+            sign: each(|a| lanes::<N>(|n| if moves(a, n) & (scaled[a][n] < 0.0) { -1.0 } else { 1.0 })),
+        }
+    }
+}
+
+/// One number of each of `N` lanes. Step by step for all lanes, the compiler makes vectors of what it leaves scalar in a
+/// loop over the lanes that does everything.
+#[inline(always)]
+pub fn lanes<const N: usize>(of: impl Fn(usize) -> f64) -> [f64; N] {
+    let mut lanes = [0.0; N];
+    for (n, lane) in lanes.iter_mut().enumerate() {
+        *lane = of(n);
+    }
+    lanes
+}
+
 /// The whole part of a number, rounded down, as far as `i32` goes: `f64::floor` and `as` take many more instructions.
 #[inline(always)]
 pub fn floor(x: f64) -> i32 {
     let x = x.clamp(f64::from(i32::MIN), f64::from(i32::MAX));
-    let nearest = (x + ONES) - ONES;
-    let whole = if nearest > x { nearest - 1.0 } else { nearest };
+    to_i32(whole(x))
+}
+
+/// A whole number within `i32`.
+#[inline(always)]
+pub fn to_i32(whole: f64) -> i32 {
     (whole + ONES).to_bits() as i32
+}
+
+/// The whole part of a number, rounded down, in few instructions; of numbers within 2^51, others stay large.
+#[inline(always)]
+pub fn whole(x: f64) -> f64 {
+    let nearest = (x + ONES) - ONES;
+    if nearest > x { nearest - 1.0 } else { nearest }
 }
 
 /// One of each axis. [`std::array::from_fn`] does the same, but the compiler may make three calls of it.

@@ -1,11 +1,13 @@
 //! Rays through a map: how far one can look, or move, until something is in the way.
 //!
 //! Each ray goes from one cube of voxels that does not stop it to the next. A few rays find the cubes in the map: whole
-//! blocks, or voxels. For many it pays to find out first how much room there is around every voxel (`clearance`); then
-//! cubes are as large as can be, and several rays go at once (`lanes`). Either way the voxel that stops a ray is the
-//! one that plain stepping would find, and the distance has the same bits (see the module `ray`).
+//! blocks, or voxels. For many it pays to find out first how much room there is around every voxel (`clearance`), and to
+//! keep that until the map changes (`kept`); then cubes are as large as can be, and many rays go at once (`lanes`). Either
+//! way the voxel that stops a ray is the one that plain stepping would find, and the distance has the same bits (see the
+//! module `ray`).
 
 mod clearance;
+mod kept;
 mod lanes;
 
 use crate::block::{BLOCK_EDGE, Block, BlockKey, Blocks, VoxelIndex, locate};
@@ -15,8 +17,9 @@ use crate::mask::Mask;
 use crate::query::first_row;
 use crate::ray::{Place, Ray, each};
 use crate::state::{State, Threshold, Unknown};
-use crate::window::{Window, bounds};
-use clearance::{Stops, clearance};
+use crate::window::bounds;
+use clearance::Stops;
+pub(crate) use kept::Kept;
 use lanes::Lanes;
 use rayon::prelude::*;
 
@@ -41,6 +44,10 @@ impl OccupancyGrid {
     /// A ray starts in the voxel that contains its origin, and enters every voxel of which it cuts a piece, however
     /// short; voxels that it only touches at an edge or a corner do not stop it. All beyond the map's blocks is unknown.
     ///
+    /// Once so many rays were cast that it pays, how much room there is around each voxel is kept until the map changes:
+    /// a byte a voxel, of all blocks and, where unknown counts as free, of their neighbours, for either way of counting.
+    /// [`Self::nbytes`] does not count these.
+    ///
     /// # Arguments
     /// * `origins` - world points, metres, within 2^31 voxels
     /// * `directions` - one for each origin, of any length but zero
@@ -56,11 +63,11 @@ impl OccupancyGrid {
         max_range: f64,
         unknown: Unknown,
     ) -> Result<RayHits> {
-        cast_rays(self, origins, directions, max_range, unknown)
+        cast(self, &self.rays, origins, directions, max_range, unknown)
     }
 }
 
-/// As [`OccupancyGrid::cast_rays`], through any map.
+/// As [`OccupancyGrid::cast_rays`], through any map; nothing is kept for the next call.
 ///
 /// # Errors
 /// As [`OccupancyGrid::cast_rays`].
@@ -71,29 +78,32 @@ pub fn cast_rays(
     max_range: f64,
     unknown: Unknown,
 ) -> Result<RayHits> {
-    /// So many rays pay for the clearance of a block.
-    const RAYS_PER_BLOCK: usize = 8;
+    cast(blocks, &Kept::default(), origins, directions, max_range, unknown)
+}
+
+fn cast(
+    blocks: &(impl Blocks + ?Sized),
+    kept: &Kept,
+    origins: &[[f64; 3]],
+    directions: &[[f64; 3]],
+    max_range: f64,
+    unknown: Unknown,
+) -> Result<RayHits> {
     let voxel_size = blocks.voxel_size();
     check(voxel_size, origins, directions, max_range)?;
     blocks.fetch()?;
     let space = Space { threshold: Threshold::of(blocks), unknown, max_range: max_range / voxel_size, voxel_size };
-    let cast = |cast: &(dyn Fn(Chunk) + Sync)| cast_chunks(origins, directions, cast);
-    Ok(match Window::new(blocks, origins.len() / RAYS_PER_BLOCK, |block| space.stops(&block)) {
-        Some(stops) => {
-            let clearance = |stops: &Window<Stops>, key| clearance(stops, key, unknown);
-            let window = match unknown {
-                Unknown::Occupied => stops.map(clearance),
-                Unknown::Free => stops.map_around(clearance),
-            };
-            cast(&|chunk| Lanes::new(&space, &window, chunk).cast())
-        }
+    Ok(match kept.window(blocks, &space, origins.len()) {
+        Some(window) => cast_chunks(origins, directions, Box::<Lanes>::default, |lanes, chunk| {
+            lanes.cast(&space, window, chunk);
+        }),
         None => {
             // Where unknown space lets rays pass they would go on for ever beyond the last block.
-            let [low, high] = match unknown {
+            let bounds = match unknown {
                 Unknown::Occupied => [[i32::MIN / EDGE; 3], [i32::MAX / EDGE; 3]],
                 Unknown::Free => bounds(&blocks.keys()).unwrap_or([[0; 3], [-1; 3]]),
             };
-            cast(&|chunk| space.cast_each(blocks, [low, high], chunk))
+            cast_chunks(origins, directions, || (), |(), chunk| space.cast_each(blocks, bounds, chunk))
         }
     })
 }
@@ -135,18 +145,27 @@ struct Chunk<'a> {
     voxel: &'a mut [VoxelIndex],
 }
 
-/// Casts all rays, a chunk at a time.
-fn cast_chunks(origins: &[[f64; 3]], directions: &[[f64; 3]], cast: &(dyn Fn(Chunk) + Sync)) -> RayHits {
-    /// Enough to make lanes worth while, few enough to share the work.
-    const CHUNK: usize = 512;
+/// So many rays at a time: enough to make lanes worth while, few enough to stay in the processor's nearest cache.
+const CHUNK: usize = 256;
+
+/// Casts all rays, a chunk at a time, with what a thread needs for that.
+fn cast_chunks<T>(
+    origins: &[[f64; 3]],
+    directions: &[[f64; 3]],
+    tools: impl Fn() -> T + Send + Sync,
+    cast: impl Fn(&mut T, Chunk) + Send + Sync,
+) -> RayHits {
     let count = origins.len();
     let (mut distance, mut state) = (vec![f64::INFINITY; count], vec![State::Free; count]);
     let mut voxel = vec![NO_VOXEL; count];
     let rays = origins.par_chunks(CHUNK).zip(directions.par_chunks(CHUNK));
     let hits = distance.par_chunks_mut(CHUNK).zip(state.par_chunks_mut(CHUNK)).zip(voxel.par_chunks_mut(CHUNK));
-    rays.zip(hits).for_each(|((origins, directions), ((distance, state), voxel))| {
-        cast(Chunk { origins, directions, distance, state, voxel });
-    });
+    rays.zip(hits).with_min_len(4).for_each_init(
+        tools,
+        |tools, ((origins, directions), ((distance, state), voxel))| {
+            cast(tools, Chunk { origins, directions, distance, state, voxel });
+        },
+    );
     RayHits { distance, state, voxel }
 }
 

@@ -39,11 +39,9 @@ impl Threshold {
     /// The state of a voxel with this evidence.
     #[inline(always)]
     pub fn state(self, evidence: i32) -> State {
-        match evidence {
-            0 => State::Unknown,
-            _ if evidence > self.0 => State::Occupied,
-            _ => State::Free,
-        }
+        // Not a branch first for what is unknown: there is nothing to guess it by.
+        let known = if evidence > self.0 { State::Occupied } else { State::Free };
+        if evidence == 0 { State::Unknown } else { known }
     }
 
     /// Whether a voxel with this evidence is occupied, or unknown and that is taken for it.

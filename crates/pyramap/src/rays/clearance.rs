@@ -2,7 +2,6 @@
 
 use crate::block::{BLOCK_EDGE, BLOCK_VOXELS, BlockKey};
 use crate::mask::Mask;
-use crate::state::Unknown;
 use crate::window::Window;
 
 /// What stops rays in a block.
@@ -23,6 +22,8 @@ pub type Clearance = [u8; BLOCK_VOXELS];
 pub const OCCUPIED: u8 = 0;
 /// The same.
 pub const UNKNOWN: u8 = u8::MAX;
+/// In place of a distance where rays have left the map, and nothing will stop them. All numbers from here on end rays.
+pub const AROUND: u8 = UNKNOWN - 1;
 /// As far as one looks: cubes reach into a block's neighbours, not beyond.
 pub const FARTHEST: u8 = BLOCK_EDGE as u8;
 /// A block and its neighbours, along an axis.
@@ -30,11 +31,25 @@ const SIDE: usize = 3 * BLOCK_EDGE;
 /// A bit a voxel of those, by x and y; z is the place of the bit.
 type Bits = [[u32; SIDE]; SIDE];
 
-/// The clearance of a block; where there is no block, all voxels stop rays if unknown counts as occupied.
-pub fn clearance(stops: &Window<Stops>, key: BlockKey, unknown: Unknown) -> Clearance {
-    let absent = if unknown == Unknown::Occupied { Mask::ALL } else { Mask::NONE };
-    let absent = Stops { all: absent, occupied: Mask::NONE };
-    let find = |key| *stops.get(key).unwrap_or(&absent);
+/// The clearance of a block, found with the widest instructions that the processor has.
+pub fn clearance(stops: &Window<Stops>, key: BlockKey) -> Clearance {
+    #[cfg(target_arch = "x86_64")]
+    {
+        #[target_feature(enable = "avx2")]
+        fn with_avx2(stops: &Window<Stops>, key: BlockKey) -> Clearance {
+            clearance_of(stops, key)
+        }
+        if is_x86_feature_detected!("avx2") {
+            // SAFETY: the processor was just asked.
+            return unsafe { with_avx2(stops, key) };
+        }
+    }
+    clearance_of(stops, key)
+}
+
+#[inline(always)]
+fn clearance_of(stops: &Window<Stops>, key: BlockKey) -> Clearance {
+    let find = |key| *stops.get(key);
     let around: [Mask; 27] = std::array::from_fn(|n| {
         let [x, y, z] = away(n);
         find([key[0] + x as i32 - 1, key[1] + y as i32 - 1, key[2] + z as i32 - 1]).all
@@ -65,6 +80,7 @@ fn away(n: usize) -> [usize; 3] {
 }
 
 /// A block and its neighbours in one.
+#[inline(always)]
 fn joined(around: &[Mask; 27]) -> Bits {
     let mut bits = [[0; SIDE]; SIDE];
     for (n, mask) in around.iter().enumerate() {
@@ -79,6 +95,7 @@ fn joined(around: &[Mask; 27]) -> Bits {
 }
 
 /// All voxels that touch one of these, by a face, an edge or a corner, but for the outermost `layers` of them.
+#[inline(always)]
 fn grown(near: &Bits, layers: usize) -> Bits {
     let mut grown = [[0; SIDE]; SIDE];
     for x in layers..SIDE - layers {

@@ -1,227 +1,253 @@
-//! Many rays at once: eight lanes, each with a ray, all going on to their next cubes in vector instructions.
+//! Many rays at once: all of a chunk go on to their next cubes together, in vector instructions.
 
-use super::clearance::{Clearance, FARTHEST, OCCUPIED, UNKNOWN};
-use super::{Chunk, Space};
-use crate::block::{BlockKey, VoxelIndex, locate};
-use crate::ray::{DOUBT, ONES, Place, Ray, each, least, most};
+use super::clearance::{AROUND, Clearance, OCCUPIED};
+use super::{CHUNK, Chunk, NO_VOXEL, Space};
+use crate::ray::{DOUBT, Directions, ONES, Place, Ray, each, lanes, least, most, to_i32, whole};
 use crate::state::{State, Unknown};
-use crate::window::Window;
+use crate::window::{Layout, Window};
 
-const LANES: usize = 8;
-type Lane = [f64; LANES];
+/// A number a ray.
+type Each = [f64; CHUNK];
 
-/// The rays of a chunk: those under way, those ready to go, and those still to come.
-pub struct Lanes<'a> {
-    space: &'a Space,
-    window: &'a Window<Clearance>,
-    bounds: [BlockKey; 2],
-    chunk: Chunk<'a>,
-    /// Which ray of the chunk; `None` if there is no other.
-    row: [Option<usize>; LANES],
-    steps: Steps,
-    ready: Rays,
-    /// The next ray.
-    next: usize,
+/// The rays of a chunk that are under way, the first `count`: where one ends, the last takes its place. By axis, then by
+/// ray; in voxels.
+pub struct Lanes {
+    count: usize,
+    /// Which ray of the chunk.
+    row: [u16; CHUNK],
+    origin: [Each; 3],
+    direction: [Each; 3],
+    inverse: [Each; 3],
+    /// 1 on axes along which coordinates rise or stay, -1 where they fall.
+    sign: [Each; 3],
+    /// The voxel that a ray has entered, and where.
+    voxel: [Each; 3],
+    distance: Each,
+    /// How many voxels on each side of it are in its cube, in which nothing stops the ray.
+    room: Each,
+    /// The middle of the cube before.
+    middle: [Each; 3],
+    /// How far the ray was off the centre of the voxel that it entered then, on the axis where that is most.
+    off: Each,
+    along: [[u32; CHUNK]; 3],
+    place: [u32; CHUNK],
+    offset: [u32; CHUNK],
+    clearance: [u8; CHUNK],
+    ends: [bool; CHUNK],
+    ended: [u16; CHUNK],
 }
 
-/// Rays by axis, then by lane; in voxels.
-#[derive(Default)]
-struct Rays {
-    origin: [Lane; 3],
-    direction: [Lane; 3],
-    inverse: [Lane; 3],
-    /// 1 on axes along which coordinates rise or stay, 0 where they fall.
-    upwards: [Lane; 3],
-}
-
-/// What is computed for all lanes alike.
-#[derive(Default)]
-struct Steps {
-    rays: Rays,
-    /// The middle of the cube that a ray is about to leave, and how many voxels there are on each side of it.
-    middle: [Lane; 3],
-    room: Lane,
-    /// The voxel that it enters then, as a number and as an index, and where.
-    voxel: [Lane; 3],
-    index: [[i32; LANES]; 3],
-    distance: Lane,
-    /// Less than 0 where rounding may have chosen the wrong voxel.
-    margin: Lane,
-}
-
-impl<'a> Lanes<'a> {
-    pub fn new(space: &'a Space, window: &'a Window<Clearance>, chunk: Chunk<'a>) -> Self {
-        let (steps, ready, bounds) = (Steps::default(), Rays::default(), window.bounds());
-        Self { space, window, bounds, chunk, row: [None; LANES], steps, ready, next: 0 }
+impl Default for Lanes {
+    fn default() -> Self {
+        Self {
+            count: 0,
+            row: [0; CHUNK],
+            origin: [[0.0; CHUNK]; 3],
+            direction: [[0.0; CHUNK]; 3],
+            inverse: [[0.0; CHUNK]; 3],
+            sign: [[0.0; CHUNK]; 3],
+            voxel: [[0.0; CHUNK]; 3],
+            distance: [0.0; CHUNK],
+            room: [0.0; CHUNK],
+            middle: [[0.0; CHUNK]; 3],
+            off: [0.0; CHUNK],
+            along: [[0; CHUNK]; 3],
+            place: [0; CHUNK],
+            offset: [0; CHUNK],
+            clearance: [0; CHUNK],
+            ends: [false; CHUNK],
+            ended: [0; CHUNK],
+        }
     }
+}
 
-    /// Casts the rays with the widest instructions that the processor has. Results do not depend on them.
-    pub fn cast(self) {
+impl Lanes {
+    /// Casts the rays of a chunk with the widest instructions that the processor has. Results do not depend on them.
+    pub fn cast(&mut self, space: &Space, window: &Window<Clearance>, chunk: Chunk) {
         #[cfg(target_arch = "x86_64")]
         {
+            #[target_feature(enable = "avx512f,avx512dq,avx512vl,avx512bw")]
+            fn with_avx512(lanes: &mut Lanes, space: &Space, window: &Window<Clearance>, chunk: Chunk) {
+                lanes.cast_all(space, window, chunk);
+            }
             #[target_feature(enable = "avx2")]
-            fn with_avx2(lanes: Lanes) {
-                lanes.cast_all();
+            fn with_avx2(lanes: &mut Lanes, space: &Space, window: &Window<Clearance>, chunk: Chunk) {
+                lanes.cast_all(space, window, chunk);
+            }
+            let has_avx512 = is_x86_feature_detected!("avx512f")
+                && is_x86_feature_detected!("avx512dq")
+                && is_x86_feature_detected!("avx512vl")
+                && is_x86_feature_detected!("avx512bw");
+            if has_avx512 {
+                // SAFETY: the processor was just asked.
+                return unsafe { with_avx512(self, space, window, chunk) };
             }
             if is_x86_feature_detected!("avx2") {
                 // SAFETY: the processor was just asked.
-                return unsafe { with_avx2(self) };
+                return unsafe { with_avx2(self, space, window, chunk) };
             }
         }
-        self.cast_all();
+        self.cast_all(space, window, chunk);
     }
 
     #[inline(always)]
-    fn cast_all(mut self) {
-        for lane in 0..LANES {
-            self.begin(lane);
+    fn cast_all(&mut self, space: &Space, window: &Window<Clearance>, mut chunk: Chunk) {
+        self.begin(space, &chunk);
+        if space.unknown == Unknown::Free {
+            self.begin_within(window);
         }
-        while self.row.iter().any(Option::is_some) {
-            self.steps.leave_cubes();
-            for lane in 0..LANES {
-                if let Some(row) = self.row[lane]
-                    && !self.go_on(lane, row)
-                {
-                    self.begin(lane);
-                }
-            }
+        self.enter(space, window, &mut chunk);
+        while self.count > 0 {
+            self.leave_cubes();
+            self.enter(space, window, &mut chunk);
         }
     }
 
-    /// Takes up the next ray that does not end where it begins, if there is one.
+    /// All rays where they begin.
     #[inline(always)]
-    fn begin(&mut self, lane: usize) {
-        self.row[lane] = None;
-        while self.row[lane].is_none() && self.next < self.chunk.origins.len() {
-            let (row, from) = (self.next, self.next % LANES);
-            if from == 0 {
-                self.prepare();
-            }
-            self.next += 1;
-            let (rays, ready) = (&mut self.steps.rays, &self.ready);
+    fn begin(&mut self, space: &Space, chunk: &Chunk) {
+        /// So many at a time: enough for the widest vectors.
+        const N: usize = 8;
+        self.count = chunk.origins.len();
+        for first in (0..self.count).step_by(N) {
+            // Where there are no others, the last ray once more.
+            let row = |n: usize| (first + n).min(chunk.origins.len() - 1);
+            let origin: [[f64; N]; 3] = each(|a| lanes(|n| chunk.origins[row(n)][a]));
+            let origin: [[f64; N]; 3] = each(|a| lanes(|n| origin[a][n] / space.voxel_size));
+            let Directions { unit, inverse, sign } =
+                Directions::<N>::new(each(|a| lanes(|n| chunk.directions[row(n)][a])));
             for a in 0..3 {
-                rays.origin[a][lane] = ready.origin[a][from];
-                rays.direction[a][lane] = ready.direction[a][from];
-                rays.inverse[a][lane] = ready.inverse[a][from];
-                rays.upwards[a][lane] = ready.upwards[a][from];
-            }
-            let Some(start) = self.space.start(&rays.get(lane), self.bounds) else { continue };
-            if self.enter(lane, row, start) {
-                self.steps.set_voxel(lane, start.voxel);
-                self.row[lane] = Some(row);
+                self.origin[a][first..][..N].copy_from_slice(&origin[a]);
+                self.direction[a][first..][..N].copy_from_slice(&unit[a]);
+                self.inverse[a][first..][..N].copy_from_slice(&inverse[a]);
+                self.sign[a][first..][..N].copy_from_slice(&sign[a]);
+                self.voxel[a][first..][..N].copy_from_slice(&lanes::<N>(|n| whole(origin[a][n])));
             }
         }
+        self.distance = [0.0; CHUNK];
+        self.row = std::array::from_fn(|n| n as u16);
     }
 
-    /// Makes the next few rays ready, all at once.
-    #[inline(always)]
-    fn prepare(&mut self) {
-        let last = self.chunk.origins.len() - 1;
-        for n in 0..LANES {
-            let row = (self.next + n).min(last);
-            let ray = self.space.ray(&self.chunk.origins[row], &self.chunk.directions[row]);
-            for a in 0..3 {
-                self.ready.origin[a][n] = ray.origin[a];
-                self.ready.direction[a][n] = ray.direction[a];
-                self.ready.inverse[a][n] = ray.inverse[a];
-                self.ready.upwards[a][n] = if ray.upwards[a] { 1.0 } else { 0.0 };
+    /// Moves rays from outside to where they first are in the box of all blocks, if they ever are.
+    fn begin_within(&mut self, window: &Window<Clearance>) {
+        let [first, last] = window.voxels();
+        for n in 0..self.count {
+            if let Some(start) = self.ray(n).enter(first, last) {
+                self.set(n, start);
             }
         }
     }
 
-    /// Follows a ray out of its cube; whether it goes on from there.
-    #[inline(always)]
-    fn go_on(&mut self, lane: usize, row: usize) -> bool {
-        let steps = &self.steps;
-        let mut place = Place { voxel: each(|a| steps.index[a][lane]), distance: steps.distance[lane] };
-        if steps.margin[lane] < 0.0 {
-            place = self.steps.leave_cube(lane);
-            self.steps.set_voxel(lane, place.voxel);
-        }
-        self.enter(lane, row, place)
-    }
-
-    /// Lets a ray into a voxel: it ends there, or gets a cube to leave.
-    #[inline(always)]
-    fn enter(&mut self, lane: usize, row: usize, place: Place) -> bool {
-        if place.distance > self.space.max_range {
-            return false;
-        }
-        let (key, offset) = locate(place.voxel);
-        let clearance = match self.window.get(key) {
-            Some(clearance) => clearance[offset],
-            None if self.space.unknown == Unknown::Occupied => UNKNOWN,
-            None if is_within(key, self.bounds) => FARTHEST,
-            None => return false,
-        };
-        let state = match clearance {
-            OCCUPIED => State::Occupied,
-            UNKNOWN => State::Unknown,
-            clearance => {
-                self.steps.room[lane] = f64::from(clearance - 1);
-                return true;
-            }
-        };
-        self.chunk.set(row, self.space, place, state);
-        false
-    }
-}
-
-fn is_within(key: BlockKey, [low, high]: [BlockKey; 2]) -> bool {
-    (0..3).all(|a| low[a] <= key[a] && key[a] <= high[a])
-}
-
-impl Rays {
-    #[inline(always)]
-    fn get(&self, lane: usize) -> Ray {
-        Ray {
-            origin: each(|a| self.origin[a][lane]),
-            direction: each(|a| self.direction[a][lane]),
-            inverse: each(|a| self.inverse[a][lane]),
-            upwards: each(|a| self.upwards[a][lane] > 0.0),
-        }
-    }
-}
-
-impl Steps {
-    /// [`Ray::leave_box`] for all lanes, up to rounding.
+    /// [`Ray::leave_box`] for all rays.
     #[inline(always)]
     fn leave_cubes(&mut self) {
-        let Rays { origin, direction, inverse, upwards } = &self.rays;
-        self.middle = self.voxel;
-        for n in 0..LANES {
-            let room = self.room[n];
-            let first = each(|a| self.middle[a][n] - room);
-            let face = each(|a| first[a] + upwards[a][n] * (2.0 * room + 1.0));
-            let exit = each(|a| (face[a] - origin[a][n]) * inverse[a][n]);
+        let mut doubtful = false;
+        for n in 0..self.count.min(CHUNK) {
+            let (origin, direction) = (each(|a| self.origin[a][n]), each(|a| self.direction[a][n]));
+            let (inverse, sign) = (each(|a| self.inverse[a][n]), each(|a| self.sign[a][n]));
+            let (middle, half) = (each(|a| self.voxel[a][n]), self.room[n] + 0.5);
+            let face = each(|a| (middle[a] + 0.5) + sign[a] * half);
+            let exit = each(|a| (face[a] - origin[a]) * inverse[a]);
             let distance = least(exit[0], least(exit[1], exit[2]));
             // Places in voxels from the centre of voxel 0, and the centres that they are nearest to.
-            let at = each(|a| origin[a][n] + distance * direction[a][n] - 0.5);
+            let at = each(|a| origin[a] + distance * direction[a] - 0.5);
             let nearest = each(|a| (at[a] + ONES) - ONES);
-            let margin = each(|a| if exit[a] == distance { 1.0 } else { (0.5 - DOUBT) - (at[a] - nearest[a]).abs() });
+            let off = each(|a| if exit[a] == distance { 0.0 } else { (at[a] - nearest[a]).abs() });
+            self.off[n] = most(off[0], most(off[1], off[2]));
+            doubtful |= self.off[n] > 0.5 - DOUBT;
             self.distance[n] = distance;
-            self.margin[n] = least(margin[0], least(margin[1], margin[2]));
             for a in 0..3 {
-                let inside = least(most(nearest[a], first[a]), first[a] + 2.0 * room);
-                let beyond = face[a] + (upwards[a][n] - 1.0);
-                let voxel = if exit[a] == distance { beyond } else { inside };
-                self.voxel[a][n] = voxel;
-                self.index[a][n] = (voxel + ONES).to_bits() as i32;
+                let beyond = middle[a] + sign[a] * (half + 0.5);
+                self.voxel[a][n] = if exit[a] == distance { beyond } else { nearest[a] };
+                self.middle[a][n] = middle[a];
+            }
+        }
+        if doubtful {
+            self.leave_cubes_exactly();
+        }
+    }
+
+    /// The same where rounding may have chosen the wrong voxel.
+    #[cold]
+    fn leave_cubes_exactly(&mut self) {
+        for n in 0..self.count {
+            if self.off[n] > 0.5 - DOUBT {
+                let side = |sign: f64| each(|a| (self.middle[a][n] + sign * self.room[n]) as i32);
+                let place = self.ray(n).leave_box(side(-1.0), side(1.0));
+                self.set(n, place);
             }
         }
     }
 
+    /// Lets all rays into the voxels that they have come to: they end there, or get cubes to leave.
     #[inline(always)]
-    fn set_voxel(&mut self, lane: usize, voxel: VoxelIndex) {
-        for (lanes, index) in self.voxel.iter_mut().zip(voxel) {
-            lanes[lane] = f64::from(index);
+    fn enter(&mut self, space: &Space, window: &Window<Clearance>, chunk: &mut Chunk) {
+        let (count, layout) = (self.count.min(CHUNK), window.layout());
+        // Many short loops: the compiler makes vectors of all but two of them.
+        for a in 0..3 {
+            for n in 0..count {
+                self.along[a][n] = layout.along(a, self.voxel[a][n]);
+            }
+        }
+        for n in 0..count {
+            let along = each(|a| self.along[a][n]);
+            self.place[n] = layout.place(along);
+            self.offset[n] = Layout::offset(along);
+        }
+        for n in 0..count {
+            self.clearance[n] = window.at(self.place[n])[self.offset[n] as usize];
+        }
+        for n in 0..count {
+            let clearance = self.clearance[n];
+            self.room[n] = f64::from(clearance) - 1.0;
+            // 0 wraps around to the largest number.
+            self.ends[n] = (clearance.wrapping_sub(1) >= AROUND - 1) | (self.distance[n] > space.max_range);
+        }
+        let mut ended = 0;
+        for n in 0..count {
+            // Without a branch, which would often be guessed wrongly.
+            self.ended[ended] = n as u16;
+            ended += usize::from(self.ends[n]);
+        }
+        // From the last on, so that what takes a ray's place has not ended.
+        for n in (0..ended).rev() {
+            self.end(self.ended[n].into(), space, chunk);
         }
     }
 
-    /// The same as [`Steps::leave_cubes`] for one lane, exactly.
-    #[cold]
-    fn leave_cube(&self, lane: usize) -> Place {
-        let side = |sign: f64| -> VoxelIndex { each(|a| (self.middle[a][lane] + sign * self.room[lane]) as i32) };
-        self.rays.get(lane).leave_box(side(-1.0), side(1.0))
+    /// Ends a ray.
+    #[inline(always)]
+    fn end(&mut self, n: usize, space: &Space, chunk: &mut Chunk) {
+        let (row, clearance, distance) = (usize::from(self.row[n]), self.clearance[n], self.distance[n]);
+        let stopped = (clearance != AROUND) & (distance <= space.max_range);
+        let state = if clearance == OCCUPIED { State::Occupied } else { State::Unknown };
+        let voxel = each(|a| to_i32(self.voxel[a][n]));
+        chunk.distance[row] = if stopped { distance * space.voxel_size } else { f64::INFINITY };
+        chunk.state[row] = if stopped { state } else { State::Free };
+        chunk.voxel[row] = each(|a| if stopped { voxel[a] } else { NO_VOXEL[a] });
+
+        self.count -= 1;
+        let last = self.count;
+        self.row[n] = self.row[last];
+        for axes in [&mut self.origin, &mut self.direction, &mut self.inverse, &mut self.sign, &mut self.voxel] {
+            axes.iter_mut().for_each(|all| all[n] = all[last]);
+        }
+        (self.distance[n], self.room[n]) = (self.distance[last], self.room[last]);
+    }
+
+    fn ray(&self, n: usize) -> Ray {
+        Ray {
+            origin: each(|a| self.origin[a][n]),
+            direction: each(|a| self.direction[a][n]),
+            inverse: each(|a| self.inverse[a][n]),
+            upwards: each(|a| self.sign[a][n] > 0.0),
+        }
+    }
+
+    fn set(&mut self, n: usize, place: Place) {
+        for a in 0..3 {
+            self.voxel[a][n] = f64::from(place.voxel[a]);
+        }
+        self.distance[n] = place.distance;
     }
 }
