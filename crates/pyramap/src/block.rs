@@ -87,6 +87,10 @@ impl Block<'_> {
 pub trait Blocks: Sync {
     /// The keys of all blocks that hold something, in no order that is to be relied on.
     fn keys(&self) -> Vec<BlockKey>;
+    /// How many blocks hold something.
+    fn count(&self) -> usize {
+        self.keys().len()
+    }
     /// One block; `None` where nothing is stored.
     fn block(&self, key: BlockKey) -> Option<Block<'_>>;
     /// Brings to the host what a device has changed since it was last read. What reads a map calls this first; without,

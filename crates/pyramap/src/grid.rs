@@ -380,6 +380,10 @@ impl Blocks for OccupancyGrid {
         self.directory.keys().copied().collect()
     }
 
+    fn count(&self) -> usize {
+        self.directory.len()
+    }
+
     fn block(&self, key: BlockKey) -> Option<Block<'_>> {
         self.directory.get(&key).map(|entry| match *entry {
             Entry::Uniform(value) => Block::Uniform(value),

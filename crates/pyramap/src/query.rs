@@ -6,7 +6,7 @@ use crate::grid::OccupancyGrid;
 use crate::log_odds;
 use crate::ray::{each, floor, whole};
 use crate::state::{State, Threshold};
-use crate::window::{Layout, Lookup, QUESTIONS_PER_BLOCK, Window};
+use crate::window::{Layout, Lookup, Window, window_for};
 use rayon::prelude::*;
 
 /// How values at voxel centres become values at points.
@@ -98,8 +98,7 @@ impl OccupancyGrid {
         self.fetch()?;
         let (voxel_size, mut answers) = (self.voxel_size(), vec![T::default(); points.len()]);
         let chunks = answers.par_chunks_mut(CHUNK).zip(points.par_chunks(CHUNK)).with_min_len(16);
-        let nothing = Values::of(Block::Uniform(0));
-        let all_finite = match Window::new(self, points.len() / QUESTIONS_PER_BLOCK, [nothing; 2], Values::of) {
+        let all_finite = match window_for(self, points.len(), Values::of(Block::Uniform(0)), Values::of) {
             Some(window) => {
                 let find = |(answers, points): (&mut [T], &[_])| find(&window, voxel_size, points, answers, &answer);
                 chunks.map(find).reduce(|| true, |one, other| one & other)

@@ -29,22 +29,17 @@ const FIRST: u32 = 2;
 const PLACES_PER_BLOCK: usize = 256;
 
 impl<T: Send + Sync> Window<T> {
-    /// What `item` makes of each block of a map; `None` if the map has more than `most` blocks, or is too scattered.
+    /// What `item` makes of each block of a map; `None` if the map is empty or too scattered.
     pub fn new<'a>(
         blocks: &'a (impl Blocks + ?Sized),
-        most: usize,
         nothing: Nothing<T>,
         item: impl Fn(Block<'a>) -> T + Sync,
     ) -> Option<Self> {
-        // Not to list all blocks for a few questions.
-        if most == 0 {
-            return None;
-        }
         let keys = blocks.keys();
         let [low, high] = bounds(&keys)?;
         let size: [usize; 3] = std::array::from_fn(|a| (high[a] - low[a]) as usize + 1);
         let places = size.into_iter().try_fold(1, usize::checked_mul)?;
-        if keys.len() > most || places > (PLACES_PER_BLOCK * keys.len()).min(i32::MAX as usize) {
+        if places > (PLACES_PER_BLOCK * keys.len()).min(i32::MAX as usize) {
             return None;
         }
         let window = Self::empty(each(|a| low[a] - 1), size.map(|n| n + 2));
@@ -169,8 +164,17 @@ impl Layout {
     }
 }
 
-/// So many questions about points or boxes pay for one block.
-pub const QUESTIONS_PER_BLOCK: usize = 4;
+/// A window for so many questions about voxels, if they pay for it.
+pub fn window_for<'a, T: Copy + Send + Sync>(
+    blocks: &'a (impl Blocks + ?Sized),
+    questions: usize,
+    nothing: T,
+    item: impl Fn(Block<'a>) -> T + Sync,
+) -> Option<Window<T>> {
+    /// So many pay for one block.
+    const QUESTIONS_PER_BLOCK: usize = 4;
+    (questions / QUESTIONS_PER_BLOCK >= blocks.count()).then(|| Window::new(blocks, [nothing; 2], item))?
+}
 
 /// The quickest way to the blocks of a map for so many questions.
 pub enum Lookup<'a, B: ?Sized> {
@@ -182,7 +186,7 @@ pub enum Lookup<'a, B: ?Sized> {
 
 impl<'a, B: Blocks + ?Sized> Lookup<'a, B> {
     pub fn new(blocks: &'a B, questions: usize) -> Self {
-        match Window::new(blocks, questions / QUESTIONS_PER_BLOCK, [None; 2], Some) {
+        match window_for(blocks, questions, None, Some) {
             None => Self::Map(blocks),
             Some(window) => Self::Window(blocks, window),
         }
@@ -198,6 +202,10 @@ impl<'a, B: Blocks + ?Sized> Lookup<'a, B> {
 impl<B: Blocks + ?Sized> Blocks for Lookup<'_, B> {
     fn keys(&self) -> Vec<BlockKey> {
         self.map().keys()
+    }
+
+    fn count(&self) -> usize {
+        self.map().count()
     }
 
     #[inline(always)]

@@ -9,11 +9,11 @@ use crate::window::Window;
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// What is kept, by what unknown voxels count as, and how many rays were cast without.
+/// What is kept, by what unknown voxels count as: nothing if the map is too scattered. And how many rays were cast without.
 #[derive(Default)]
 pub struct Kept {
-    to_unknown: OnceLock<Window<Clearance>>,
-    through_unknown: OnceLock<Window<Clearance>>,
+    to_unknown: OnceLock<Option<Window<Clearance>>>,
+    through_unknown: OnceLock<Option<Window<Clearance>>>,
     asked: AtomicUsize,
 }
 
@@ -33,18 +33,21 @@ impl Kept {
         };
         if kept.get().is_none() {
             let asked = self.asked.fetch_add(rays, Ordering::Relaxed).saturating_add(rays);
+            if asked / RAYS_PER_BLOCK < blocks.count() {
+                return None;
+            }
             // Nobody waits for another thread that makes the same: a thread of a pool that waits may be given work that
             // waits for it.
-            let _ = kept.set(window(blocks, space, asked / RAYS_PER_BLOCK)?);
+            let _ = kept.set(window(blocks, space));
         }
-        kept.get()
+        kept.get()?.as_ref()
     }
 }
 
-fn window(blocks: &(impl Blocks + ?Sized), space: &Space, most: usize) -> Option<Window<Clearance>> {
+fn window(blocks: &(impl Blocks + ?Sized), space: &Space) -> Option<Window<Clearance>> {
     let everywhere = |clearance| [clearance; BLOCK_VOXELS];
     let all = if space.unknown == Unknown::Occupied { Mask::ALL } else { Mask::NONE };
-    let stops = Window::new(blocks, most, [Stops { all, occupied: Mask::NONE }; 2], |block| space.stops(&block))?;
+    let stops = Window::new(blocks, [Stops { all, occupied: Mask::NONE }; 2], |block| space.stops(&block))?;
     Some(match space.unknown {
         Unknown::Occupied => stops.map([everywhere(UNKNOWN); 2], clearance),
         Unknown::Free => stops.map_around([everywhere(FARTHEST), everywhere(AROUND)], clearance),
