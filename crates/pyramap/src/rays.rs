@@ -145,8 +145,9 @@ struct Chunk<'a> {
     voxel: &'a mut [VoxelIndex],
 }
 
-/// So many rays at a time: enough to make lanes worth while, few enough to stay in the processor's nearest cache.
-const CHUNK: usize = 256;
+/// So many rays at a time: enough to make lanes worth while, few enough to stay in the processor's nearest cache. Not a
+/// power of two, which would put all that is known of a ray into the same few lines of that cache.
+const CHUNK: usize = 248;
 
 /// Casts all rays, a chunk at a time, with what a thread needs for that.
 fn cast_chunks<T>(

@@ -6,6 +6,8 @@ use crate::ray::{DOUBT, Directions, ONES, Place, Ray, each, lanes, least, most, 
 use crate::state::{State, Unknown};
 use crate::window::{Layout, Window};
 
+/// How many numbers the widest vectors hold.
+const LANES: usize = 8;
 /// A number a ray.
 type Each = [f64; CHUNK];
 
@@ -106,22 +108,20 @@ impl Lanes {
     /// All rays where they begin.
     #[inline(always)]
     fn begin(&mut self, space: &Space, chunk: &Chunk) {
-        /// So many at a time: enough for the widest vectors.
-        const N: usize = 8;
         self.count = chunk.origins.len();
-        for first in (0..self.count).step_by(N) {
+        for first in (0..self.count).step_by(LANES) {
             // Where there are no others, the last ray once more.
             let row = |n: usize| (first + n).min(chunk.origins.len() - 1);
-            let origin: [[f64; N]; 3] = each(|a| lanes(|n| chunk.origins[row(n)][a]));
-            let origin: [[f64; N]; 3] = each(|a| lanes(|n| origin[a][n] / space.voxel_size));
+            let origin: [[f64; LANES]; 3] = each(|a| lanes(|n| chunk.origins[row(n)][a]));
+            let origin: [[f64; LANES]; 3] = each(|a| lanes(|n| origin[a][n] / space.voxel_size));
             let Directions { unit, inverse, sign } =
-                Directions::<N>::new(each(|a| lanes(|n| chunk.directions[row(n)][a])));
+                Directions::<LANES>::new(each(|a| lanes(|n| chunk.directions[row(n)][a])));
             for a in 0..3 {
-                self.origin[a][first..][..N].copy_from_slice(&origin[a]);
-                self.direction[a][first..][..N].copy_from_slice(&unit[a]);
-                self.inverse[a][first..][..N].copy_from_slice(&inverse[a]);
-                self.sign[a][first..][..N].copy_from_slice(&sign[a]);
-                self.voxel[a][first..][..N].copy_from_slice(&lanes::<N>(|n| whole(origin[a][n])));
+                self.origin[a][first..][..LANES].copy_from_slice(&origin[a]);
+                self.direction[a][first..][..LANES].copy_from_slice(&unit[a]);
+                self.inverse[a][first..][..LANES].copy_from_slice(&inverse[a]);
+                self.sign[a][first..][..LANES].copy_from_slice(&sign[a]);
+                self.voxel[a][first..][..LANES].copy_from_slice(&lanes::<LANES>(|n| whole(origin[a][n])));
             }
         }
         self.distance = [0.0; CHUNK];
@@ -138,11 +138,17 @@ impl Lanes {
         }
     }
 
+    /// How many rays there are with those that fill the last vector up, and of which it does not matter what they do.
+    #[inline(always)]
+    fn in_vectors(&self) -> usize {
+        self.count.next_multiple_of(LANES).min(CHUNK)
+    }
+
     /// [`Ray::leave_box`] for all rays.
     #[inline(always)]
     fn leave_cubes(&mut self) {
         let mut doubtful = false;
-        for n in 0..self.count.min(CHUNK) {
+        for n in 0..self.in_vectors() {
             let (origin, direction) = (each(|a| self.origin[a][n]), each(|a| self.direction[a][n]));
             let (inverse, sign) = (each(|a| self.inverse[a][n]), each(|a| self.sign[a][n]));
             let (middle, half) = (each(|a| self.voxel[a][n]), self.room[n] + 0.5);
@@ -182,7 +188,7 @@ impl Lanes {
     /// Lets all rays into the voxels that they have come to: they end there, or get cubes to leave.
     #[inline(always)]
     fn enter(&mut self, space: &Space, window: &Window<Clearance>, chunk: &mut Chunk) {
-        let (count, layout) = (self.count.min(CHUNK), window.layout());
+        let (count, layout) = (self.in_vectors(), window.layout());
         // Many short loops: the compiler makes vectors of all but two of them.
         for a in 0..3 {
             for n in 0..count {
@@ -204,7 +210,7 @@ impl Lanes {
             self.ends[n] = (clearance.wrapping_sub(1) >= AROUND - 1) | (self.distance[n] > space.max_range);
         }
         let mut ended = 0;
-        for n in 0..count {
+        for n in 0..self.count.min(CHUNK) {
             // Without a branch, which would often be guessed wrongly.
             self.ended[ended] = n as u16;
             ended += usize::from(self.ends[n]);
