@@ -1,7 +1,8 @@
 """`python -m peers.queries`: rays and points asked of pyramap, and of OctoMap with the same map.
 
 OctoMap's tree is given the state of each voxel that pyramap knows, and pruned. It has no batch call: its `castRay` and
-`search` are called in a loop, as users do. Rays start in free space and go all ways, points lie all over the map.
+`search` are called in a loop, as users do. Rays start in free space and go all ways, points lie all over the map. What
+pyramap finds out for rays in the first call after a change, and keeps, is not timed: some microseconds a block.
 """
 
 from __future__ import annotations
