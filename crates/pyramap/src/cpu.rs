@@ -12,6 +12,7 @@ use crate::pose::Pose;
 use crate::pyramid::Pyramid;
 use crate::ranges::Ranges;
 use crate::sensor::{SensorModel, SensorTable};
+use crate::simd::Instructions;
 use crate::sensors::{DistortedPinhole, Orthographic, Pinhole, Projection, Sensor, Spherical};
 use crate::stats::{StageSeconds, Stopwatch};
 use crate::surfaces::SurfaceLayer;
@@ -29,6 +30,8 @@ const MODELS: usize = 8;
 
 /// Buffers of the stages, kept from frame to frame, and the pool. The stages may be called one by one, to measure them.
 pub struct CpuBackend {
+    /// What the stages run with: the results are the same, whatever it is.
+    pub instructions: Instructions,
     /// The sensor models of the last frames, the one in use first.
     models: Vec<(SensorModel, SensorTable)>,
     ranges: Ranges,
@@ -45,6 +48,7 @@ impl CpuBackend {
     /// A backend with an empty pool.
     pub fn new(config: &GridConfig) -> Self {
         Self {
+            instructions: Instructions::widest(),
             models: vec![(config.sensor_model, SensorTable::new(&config.sensor_model))],
             ranges: Ranges::default(),
             pyramid: Pyramid::default(),
@@ -114,22 +118,26 @@ impl CpuBackend {
             let ((model, table), layer) = (&self.models[0], &self.pyramid.layers[i]);
             let finest = config.update.finest_bounds();
             self.surfaces[i].compute(layer, model, table, finest);
+            if config.update.interpolates() {
+                self.surfaces[i].interpolate(view.projection.wraps());
+            }
         }
     }
 
     /// The blocks that the frame changes.
     pub fn cull<P: Projection>(&mut self, config: &GridConfig, view: &View<P>) {
-        let (layers, culled) = (&self.surfaces[..], &mut self.seen.culled);
+        let (layers, culled, instructions) = (&self.surfaces[..], &mut self.seen.culled, self.instructions);
         with_rule!(config.update, view, layers.len(), |rule| {
-            cull(&Scope { view, layers, rule, enabled: config.cull }, &mut self.cull_buffers, culled)
+            cull(&Scope { view, layers, rule, enabled: config.cull, instructions }, &mut self.cull_buffers, culled)
         });
     }
 
     /// What the frame does to each mixed block (Alg. 1).
     pub fn update<P: Projection>(&mut self, config: &GridConfig, view: &View<P>) {
         let (layers, Seen { culled, changes, .. }) = (&self.surfaces[..], &mut self.seen);
+        let instructions = self.instructions;
         with_rule!(config.update, view, layers.len(), |rule| {
-            let scope = Scope { view, layers, rule, enabled: config.cull };
+            let scope = Scope { view, layers, rule, enabled: config.cull, instructions };
             update(&scope, &self.models[0].1, &culled.mixed, &mut self.increments, changes)
         });
     }

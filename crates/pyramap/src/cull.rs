@@ -11,6 +11,7 @@
 
 use crate::block::{BLOCK_EDGE, BlockKey};
 use crate::sensors::Projection;
+use crate::simd::Instructions;
 use crate::surfaces::{Bounds, SurfaceLayer, texel};
 use crate::view::{Points, View};
 use nalgebra::Vector3;
@@ -134,6 +135,8 @@ pub struct Scope<'a, R, P> {
     pub rule: &'a R,
     /// Whether hidden and free parts are told apart at all; without, every block in sight is mixed.
     pub enabled: bool,
+    /// What the stages run with.
+    pub instructions: Instructions,
 }
 
 impl<R: Reads, P: Projection> Scope<'_, R, P> {

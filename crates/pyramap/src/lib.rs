@@ -43,6 +43,7 @@ pub mod rays;
 pub mod region;
 pub mod sensor;
 pub mod sensors;
+pub mod simd;
 pub mod state;
 pub mod stats;
 pub mod surfaces;

@@ -2,6 +2,7 @@
 
 use crate::error::{Error, Result};
 use crate::log_odds;
+use crate::simd::Vector;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 
@@ -228,6 +229,16 @@ impl SensorTable {
         let index = unsafe { position.to_int_unchecked::<i32>() };
         let [value, rise] = unsafe { *self.entries.get_unchecked(index as usize) };
         value + (position - index as f32) * rise
+    }
+
+    /// [`SensorTable::log_odds`] of many.
+    #[inline(always)]
+    pub fn log_odds_of<V: Vector>(&self, s: V) -> V {
+        let s = s.max(V::splat(-self.cutoff)).min(V::splat(self.cutoff));
+        let position = (s + V::splat(self.cutoff)) * V::splat(self.intervals_per_sigma);
+        // SAFETY: 0 <= position <= INTERVALS (1 + 2^-22), as above.
+        let [value, rise, behind] = unsafe { V::pairs(&self.entries, position) };
+        value + behind * rise
     }
 }
 

@@ -5,6 +5,7 @@
 
 use crate::pyramid::Layer;
 use crate::sensor::{SensorModel, SensorTable};
+use crate::simd::Quad;
 use rayon::prelude::*;
 
 /// One layer, ready to be asked for log-odds.
@@ -18,6 +19,9 @@ pub struct SurfaceLayer {
     pub surface: Vec<f32>,
     /// `1 / sigma` of each texel; a single number where sigma is the same for all.
     pub inv_sigma: Vec<f32>,
+    /// For rules that interpolate, by the texel to the upper left, of which one more row and column lie beyond the border:
+    /// four texels and, unless sigma is the same for all, four times `1 / sigma`.
+    pub quads: [Vec<Quad>; 2],
     /// Bounds over single cells of `2^finest` texels.
     cells: Windows,
     windows: Vec<Windows>,
@@ -120,6 +124,18 @@ impl SurfaceLayer {
         }
     }
 
+    /// Puts texels beside each other that are read together. Beyond the border lies what lies at the border or, in an image
+    /// whose last column's neighbour is the first, at the other end.
+    pub fn interpolate(&mut self, wraps: bool) {
+        let Self { width, height, surface, inv_sigma, quads: [surfaces, inv_sigmas], .. } = self;
+        gather(surface, [*width, *height], wraps, surfaces);
+        if inv_sigma.len() > 1 {
+            gather(inv_sigma, [*width, *height], wraps, inv_sigmas);
+        } else {
+            inv_sigmas.clear();
+        }
+    }
+
     /// Bounds over squares of two cells, for cells of `2^finest` texels and all coarser ones.
     fn bound(&mut self, cutoff: f32, finest: usize) {
         let edge = 1 << finest;
@@ -186,6 +202,21 @@ impl SurfaceLayer {
         let coarsest = self.windows.last().expect("there is a window of two texels");
         coarsest.bounds.iter().fold(Bounds::NONE, |all, &window| all.union(window))
     }
+}
+
+/// Each texel's quad, and those of the texels beyond the upper and the left border.
+fn gather(texels: &[f32], [width, height]: [usize; 2], wraps: bool, quads: &mut Vec<Quad>) {
+    quads.resize((width + 1) * (height + 1), Quad::default());
+    quads.par_chunks_mut(width + 1).with_min_len(32).enumerate().for_each(|(b, out)| {
+        let row = |b: usize| &texels[b * width..(b + 1) * width];
+        let (upper, lower) = (row(b.saturating_sub(1)), row(b.min(height - 1)));
+        let quad = |left: usize, right: usize| Quad([upper[left], upper[right], lower[left], lower[right]]);
+        let last = width - 1;
+        out[0] = quad(if wraps { last } else { 0 }, 0);
+        let inside = upper.windows(2).zip(lower.windows(2));
+        out[1..].iter_mut().zip(inside).for_each(|(out, (u, l))| *out = Quad([u[0], u[1], l[0], l[1]]));
+        out[width] = quad(last, if wraps { 0 } else { last });
+    });
 }
 
 impl Windows {

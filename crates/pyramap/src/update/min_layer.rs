@@ -3,6 +3,7 @@
 use super::{Frame, Pixels, Rule, apparent_distances, bilinear, layers_between, layers_of};
 use crate::cull::{LayersRead, Reads};
 use crate::sensors::Projection;
+use crate::simd::Vector;
 use crate::view::{Lanes, Points};
 
 /// `t_0` and the number of layers.
@@ -26,13 +27,14 @@ impl Reads for MinLayer {
 
 impl<P: Projection> Rule<P> for MinLayer {
     #[inline(always)]
-    fn log_odds(&self, frame: &Frame<P>, _: &Points, pixels: &Pixels) -> Lanes {
+    fn log_odds<V: Vector>(&self, frame: &Frame<P>, _: &Points, pixels: &Pixels) -> Lanes {
         let layers = layers_of(self.t_0, self.count, &apparent_distances(frame, pixels));
         let mut result = [f32::NAN; 8];
-        for i in layers.first..=layers.last {
-            let here = bilinear(frame, i, pixels);
+        for i in (layers.first..=layers.last).step_by(2) {
+            let [here, next] = bilinear::<V, P>(frame, [i, (i + 1).min(self.count - 1)], pixels);
             for n in 0..8 {
-                result[n] = if layers.each[n] == i as i32 { here[n] } else { result[n] };
+                let served = if layers.each[n] == i as i32 + 1 { next[n] } else { result[n] };
+                result[n] = if layers.each[n] == i as i32 { here[n] } else { served };
             }
         }
         result

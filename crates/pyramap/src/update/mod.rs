@@ -18,7 +18,8 @@ use crate::log_odds::{self, STEPS};
 use crate::pyramid::Selection;
 use crate::sensor::SensorTable;
 use crate::sensors::{Projected, Projection};
-use crate::surfaces::{SurfaceLayer, texel};
+use crate::simd::{Kernel, Vector};
+use crate::surfaces::SurfaceLayer;
 use crate::view::{Lanes, Points, View};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -61,6 +62,11 @@ impl UpdateRule {
         }
     }
 
+    /// Whether it reads between texels.
+    pub fn interpolates(self) -> bool {
+        matches!(self, UpdateRule::Pyramid | UpdateRule::MinLayer)
+    }
+
     /// The finest cells over which bounds are worth their cost, as a power of two of texels: rules that read full
     /// resolution ask for rectangles of many pixels.
     pub fn finest_bounds(self) -> usize {
@@ -99,7 +105,7 @@ pub struct Frame<'a, P> {
 pub trait Rule<P>: Reads {
     /// Log-odds of the voxels whose centres are `points`, projected to `pixels`; NaN where nothing was read.
     /// Lanes out of sight hold anything, and what is answered for them is not used.
-    fn log_odds(&self, frame: &Frame<P>, points: &Points, pixels: &Pixels) -> Lanes;
+    fn log_odds<V: Vector>(&self, frame: &Frame<P>, points: &Points, pixels: &Pixels) -> Lanes;
 }
 
 /// Projected voxel centres.
@@ -188,43 +194,31 @@ pub fn update<R: Rule<P>, P: Projection>(
     let layout = BlockLayout::new::<R>(scope.view);
     let blocks = mixed.par_iter().zip(&mut increments[..mixed.len()]).zip(changes);
     blocks.with_min_len(4).for_each(|((&key, increments), change)| {
-        update_block(scope, &frame, &layout, key, increments);
+        scope.instructions.run(UpdateBlock { scope, frame: &frame, layout: &layout, key, out: increments });
         *change = summary(increments);
     });
 }
 
-/// Picks the widest instructions that the processor has. Results do not depend on the choice: nothing is fused or
-/// reordered, only more lanes go at once.
-#[inline]
-fn update_block<R: Rule<P>, P: Projection>(
-    scope: &Scope<R, P>,
-    frame: &Frame<P>,
-    layout: &BlockLayout<P>,
+/// [`update_eighths`] of one block.
+struct UpdateBlock<'a, R, P: Projection> {
+    scope: &'a Scope<'a, R, P>,
+    frame: &'a Frame<'a, P>,
+    layout: &'a BlockLayout<P>,
     key: BlockKey,
-    out: &mut BlockData,
-) {
-    #[cfg(target_arch = "x86_64")]
-    {
-        #[target_feature(enable = "avx2")]
-        fn with_avx2<R: Rule<P>, P: Projection>(
-            scope: &Scope<R, P>,
-            frame: &Frame<P>,
-            layout: &BlockLayout<P>,
-            key: BlockKey,
-            out: &mut BlockData,
-        ) {
-            update_eighths(scope, frame, layout, key, out);
-        }
-        if is_x86_feature_detected!("avx2") {
-            // SAFETY: the processor was just asked.
-            return unsafe { with_avx2(scope, frame, layout, key, out) };
-        }
+    out: &'a mut BlockData,
+}
+
+impl<R: Rule<P>, P: Projection> Kernel for UpdateBlock<'_, R, P> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<V: Vector>(self) {
+        update_eighths::<V, R, P>(self.scope, self.frame, self.layout, self.key, self.out);
     }
-    update_eighths(scope, frame, layout, key, out);
 }
 
 #[inline(always)]
-fn update_eighths<R: Rule<P>, P: Projection>(
+fn update_eighths<V: Vector, R: Rule<P>, P: Projection>(
     scope: &Scope<R, P>,
     frame: &Frame<P>,
     layout: &BlockLayout<P>,
@@ -244,7 +238,7 @@ fn update_eighths<R: Rule<P>, P: Projection>(
             let values = match class {
                 Class::Skip => [0; 8],
                 Class::Free => [free; 8],
-                Class::Mixed => update_lanes(scope, frame, &layout.voxels.offsets.moved(pairs.lane(p))),
+                Class::Mixed => update_lanes::<V, R, P>(scope, frame, &layout.voxels.offsets.moved(pairs.lane(p))),
             };
             store(out, q, p, values);
         }
@@ -262,7 +256,7 @@ fn store(out: &mut BlockData, q: usize, p: usize, values: [i32; 8]) {
 
 /// Increments of eight voxels: projects them (Eq. 13), asks the rule, and rounds.
 #[inline(always)]
-fn update_lanes<R: Rule<P>, P: Projection>(scope: &Scope<R, P>, frame: &Frame<P>, points: &Points) -> [i32; 8] {
+fn update_lanes<V: Vector, R: Rule<P>, P: Projection>(scope: &Scope<R, P>, frame: &Frame<P>, points: &Points) -> [i32; 8] {
     let view = frame.view;
     let image = view.projection.image();
     let mut pixels = Pixels { u: [0.0; 8], v: [0.0; 8], range: [0.0; 8] };
@@ -274,7 +268,7 @@ fn update_lanes<R: Rule<P>, P: Projection>(scope: &Scope<R, P>, frame: &Frame<P>
         // Lanes out of range must not reach for layers that are not made.
         pixels.range[i] = if range <= view.max_range { range } else { view.max_range };
     }
-    let log_odds = scope.rule.log_odds(frame, points, &pixels);
+    let log_odds = scope.rule.log_odds::<V>(frame, points, &pixels);
     let mut increments = [0; 8];
     for i in 0..8 {
         let told = seen[i] & !log_odds[i].is_nan();
@@ -310,74 +304,56 @@ pub fn free_increment(table: &SensorTable) -> i32 {
     increment
 }
 
-/// Bilinear interpolation of log-odds in one layer (Eq. 15, 16) over the texels that have a reading; NaN where none has.
-/// Texel centres lie at half-integer `(u, v)`; texels beyond the border are those at the border, or, where the image
-/// wraps, those at the other end.
+/// Bilinear interpolation of log-odds in two layers (Eq. 15, 16) over the texels that have a reading; NaN where none has.
+/// Texel centres lie at half-integer `(u, v)`.
 #[inline(always)]
-fn bilinear<P: Projection>(frame: &Frame<P>, i: usize, pixels: &Pixels) -> Lanes {
-    let layer = &frame.layers[i];
-    assert!(!layer.surface.is_empty(), "layer {i} is one that this rule reads");
-    let scale = 1.0 / (1u32 << i) as f32;
-    let rows = taps(&pixels.v, scale, layer.height);
-    let columns = if frame.view.projection.wraps() {
-        wrapped_taps(&pixels.u, scale, layer.width)
+fn bilinear<V: Vector, P: Projection>(frame: &Frame<P>, layers: [usize; 2], pixels: &Pixels) -> [Lanes; 2] {
+    let scale = of_halves::<V>(layers.map(|i| 1.0 / (1u32 << i) as f32));
+    let layers = layers.map(|i| &frame.layers[i]);
+    let [width, height] = [layers.map(|layer| layer.width as f32), layers.map(|layer| layer.height as f32)];
+    let (columns, right) = taps(both::<V>(&pixels.u) * scale, of_halves(width));
+    let (rows, lower) = taps(both::<V>(&pixels.v) * scale, of_halves(height));
+    for layer in layers {
+        assert!(layer.quads[0].len() > layer.width * layer.height, "a layer that this rule reads");
+    }
+    // SAFETY: `taps` clamps to the layer.
+    let places = unsafe { V::places(rows, columns, layers.map(|layer| layer.width as u32 + 1)) };
+    let surfaces = unsafe { V::quads(layers.map(|layer| &layer.quads[0][..]), &places) };
+    let inv_sigmas = if layers[0].inv_sigma.len() == 1 {
+        [V::splat(layers[0].inv_sigma[0]); 4]
     } else {
-        taps(&pixels.u, scale, layer.width)
+        unsafe { V::quads(layers.map(|layer| &layer.quads[1][..]), &places) }
     };
-    let mut sum = [0.0; 8];
-    let mut weight = [0.0; 8];
-    for (row, row_weight) in &rows {
-        for (column, column_weight) in &columns {
-            for n in 0..8 {
-                // SAFETY: `taps` clamps to the layer.
-                let texel = (row[n] as usize) * layer.width + column[n] as usize;
-                let surface = unsafe { *layer.surface.get_unchecked(texel) };
-                let inv_sigma = if layer.inv_sigma.len() == 1 {
-                    layer.inv_sigma[0]
-                } else {
-                    unsafe { *layer.inv_sigma.get_unchecked(texel) }
-                };
-                let valid = !surface.is_nan();
-                let w = if valid { row_weight[n] * column_weight[n] } else { 0.0 };
-                sum[n] += w * frame.table.log_odds((pixels.range[n] - surface) * inv_sigma);
-                weight[n] += w;
-            }
-        }
+    let (nothing, one, range) = (V::splat(0.0), V::splat(1.0), both::<V>(&pixels.range));
+    let (rows, columns) = ([one - lower, lower], [one - right, right]);
+    let (mut sum, mut weight) = (nothing, nothing);
+    for k in 0..4 {
+        let w = V::select(surfaces[k].is_number(), rows[k / 2] * columns[k % 2], nothing);
+        sum = sum + w * frame.table.log_odds_of((range - surfaces[k]) * inv_sigmas[k]);
+        weight = weight + w;
     }
-    std::array::from_fn(|n| if weight[n] > 0.0 { sum[n] / weight[n] } else { f32::NAN })
+    V::select(weight.greater(nothing), sum / weight, V::splat(f32::NAN)).halves()
 }
 
-/// One texel for each of eight coordinates along one axis, and its weight.
-type Tap = ([u32; 8], Lanes);
-
-/// The two texels along one axis between which each coordinate lies, clamped to the layer, and their weights.
+/// The same eight numbers for both layers.
 #[inline(always)]
-fn taps(coordinate: &Lanes, scale: f32, size: usize) -> [Tap; 2] {
-    let last = (size - 1) as f32;
-    let mut taps = [([0; 8], [0.0; 8]); 2];
-    for n in 0..8 {
-        let x = coordinate[n] * scale - 0.5;
-        let floor = x.floor();
-        taps[0].0[n] = texel(floor, last);
-        taps[1].0[n] = texel(floor + 1.0, last);
-        taps[1].1[n] = x - floor;
-        taps[0].1[n] = 1.0 - (x - floor);
-    }
-    taps
+fn both<V: Vector>(lanes: &Lanes) -> V {
+    V::join([lanes, lanes])
 }
 
-/// The same in an image whose last column's neighbour is the first.
+/// A number for each layer.
 #[inline(always)]
-fn wrapped_taps(coordinate: &Lanes, scale: f32, size: usize) -> [Tap; 2] {
-    let last = (size - 1) as f32;
-    let mut taps = [([0; 8], [0.0; 8]); 2];
-    for n in 0..8 {
-        let x = coordinate[n] * scale - 0.5;
-        let floor = x.floor();
-        taps[0].0[n] = texel(if floor < 0.0 { last } else { floor }, last);
-        taps[1].0[n] = texel(if floor < last { floor + 1.0 } else { 0.0 }, last);
-        taps[1].1[n] = x - floor;
-        taps[0].1[n] = 1.0 - (x - floor);
-    }
-    taps
+fn of_halves<V: Vector>([near, next]: [f32; 2]) -> V {
+    V::join([&[near; 8], &[next; 8]])
+}
+
+/// The quad along one axis in which each coordinate lies, clamped to those of a layer of `size` texels, and the weight of
+/// the second texel.
+#[inline(always)]
+fn taps<V: Vector>(coordinate: V, size: V) -> (V, V) {
+    let x = coordinate - V::splat(0.5);
+    let floor = x.floor();
+    // NaN becomes 0.
+    let quad = (floor + V::splat(1.0)).max(V::splat(0.0)).min(size);
+    (quad, x - floor)
 }

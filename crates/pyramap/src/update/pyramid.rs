@@ -3,6 +3,7 @@
 use super::{Frame, Pixels, Rule, apparent_distances, bilinear, layers_between, layers_of, power_of_two};
 use crate::cull::{LayersRead, Reads};
 use crate::sensors::Projection;
+use crate::simd::Vector;
 use crate::view::{Lanes, Points};
 
 /// `t_0` and the number of layers.
@@ -28,7 +29,7 @@ impl Reads for Pyramid {
 
 impl<P: Projection> Rule<P> for Pyramid {
     #[inline(always)]
-    fn log_odds(&self, frame: &Frame<P>, _: &Points, pixels: &Pixels) -> Lanes {
+    fn log_odds<V: Vector>(&self, frame: &Frame<P>, _: &Points, pixels: &Pixels) -> Lanes {
         let distance = apparent_distances(frame, pixels);
         let layers = layers_of(self.t_0, self.count, &distance);
         let last = self.count as i32 - 1;
@@ -40,9 +41,8 @@ impl<P: Projection> Rule<P> for Pyramid {
             served_alone[n] = (distance[n] > self.t_0) | (layers.each[n] == last);
         }
         let mut result = [f32::NAN; 8];
-        let mut here = bilinear(frame, layers.first, pixels);
         for i in layers.first..=layers.last {
-            let next = if i + 1 < self.count { bilinear(frame, i + 1, pixels) } else { here };
+            let [here, next] = bilinear::<V, P>(frame, [i, (i + 1).min(self.count - 1)], pixels);
             for n in 0..8 {
                 let (l_i, l_next) = (here[n], next[n]);
                 let has_next = !l_next.is_nan() & !served_alone[n];
@@ -51,7 +51,6 @@ impl<P: Projection> Rule<P> for Pyramid {
                 let served = if has_next { both } else { l_i };
                 result[n] = if layers.each[n] == i as i32 { served } else { result[n] };
             }
-            here = next;
         }
         result
     }
