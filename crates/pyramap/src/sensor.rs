@@ -2,7 +2,7 @@
 
 use crate::error::{Error, Result};
 use crate::log_odds;
-use crate::simd::Vector;
+use crate::simd::{Real, Simd};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 
@@ -231,13 +231,14 @@ impl SensorTable {
         value + (position - index as f32) * rise
     }
 
-    /// [`SensorTable::log_odds`] of many.
+    /// [`SensorTable::log_odds`] of eight voxels in two layers.
     #[inline(always)]
-    pub fn log_odds_of<V: Vector>(&self, s: V) -> V {
-        let s = s.max(V::splat(-self.cutoff)).min(V::splat(self.cutoff));
-        let position = (s + V::splat(self.cutoff)) * V::splat(self.intervals_per_sigma);
+    pub fn log_odds_of<S: Simd>(&self, s: S::Sixteen) -> S::Sixteen {
+        let cutoff = S::Sixteen::splat(self.cutoff);
+        let s = s.max(S::Sixteen::splat(-self.cutoff)).min(cutoff);
         // SAFETY: 0 <= position <= INTERVALS (1 + 2^-22), as above.
-        let [value, rise, behind] = unsafe { V::pairs(&self.entries, position) };
+        let [value, rise, behind] =
+            unsafe { S::pairs(&self.entries, (s + cutoff) * S::Sixteen::splat(self.intervals_per_sigma)) };
         value + behind * rise
     }
 }

@@ -1,66 +1,104 @@
-//! Vector instructions: the kernels' vectors, and which of a processor's instructions a kernel is compiled for.
+//! Vector instructions: the kernels' numbers, and which of a processor's instructions a kernel is compiled for.
 //!
-//! A kernel is written once, over a [`Vector`] of sixteen numbers, and compiled for each set of instructions that a
+//! A kernel is written once, over eight and sixteen numbers of a [`Simd`], and compiled for each set of instructions that a
 //! processor may have; [`Instructions::run`] enters it. All sets do the same IEEE 754 operations in the same order, none
-//! fused, so that which one runs changes no bit.
+//! fused, so that which one runs changes no bit. Left to itself the compiler takes loops over eight lanes apart into pairs
+//! as often as not.
 
+mod array;
 #[cfg(target_arch = "x86_64")]
 mod avx2;
 #[cfg(target_arch = "x86_64")]
 mod avx512;
-mod portable;
+mod pair;
 
 use crate::view::Lanes;
-use std::ops::{Add, Div, Mul, Sub};
+use std::ops::{Add, BitAnd, BitOr, Div, Mul, Sub};
 
-/// What is asked of a 2 x 2 square of texels: left and right of the upper row, then of the lower one.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-#[repr(C, align(16))]
-pub struct Quad(pub [f32; 4]);
-
-/// A place in a list for each number of a [`Vector`].
-pub type Places = [u32; 16];
-
-/// Sixteen numbers: eight voxels, in each of two layers. Arithmetic and comparisons go number by number.
-pub trait Vector: Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self> {
+/// Numbers that are computed with alike: one, or the lanes of a vector.
+pub trait Real: Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self> {
     /// A truth value for each number.
-    type Mask: Copy;
+    type Mask: Copy + BitAnd<Output = Self::Mask> + BitOr<Output = Self::Mask>;
 
-    /// One number, sixteen times.
+    /// One number in all lanes.
     fn splat(number: f32) -> Self;
-    /// Eight numbers, and eight more.
-    fn join(halves: [&Lanes; 2]) -> Self;
-    /// What [`Vector::join`] joins.
-    fn halves(self) -> [Lanes; 2];
+    /// The square root.
+    fn sqrt(self) -> Self;
     /// The next lower whole number.
     fn floor(self) -> Self;
     /// `if self > other { self } else { other }`: the other where one is NaN.
     fn max(self, other: Self) -> Self;
     /// `if self < other { self } else { other }`: the other where one is NaN.
     fn min(self, other: Self) -> Self;
-    /// Whether they are greater.
+    /// Whether they are greater; not where one is NaN.
     fn greater(self, other: Self) -> Self::Mask;
-    /// Whether they are not NaN.
-    fn is_number(self) -> Self::Mask;
+    /// Whether they are as great or greater; not where one is NaN.
+    fn at_least(self, other: Self) -> Self::Mask;
     /// The numbers of one where a mask says so, else of the other.
     fn select(mask: Self::Mask, one: Self, other: Self) -> Self;
+
+    /// Without the sign.
+    #[inline(always)]
+    fn abs(self) -> Self {
+        self.max(Self::splat(0.0) - self)
+    }
+
+    /// Whether they are not NaN.
+    #[inline(always)]
+    fn is_number(self) -> Self::Mask {
+        self.at_least(self)
+    }
+}
+
+/// What is asked of a 2 x 2 square of texels: left and right of the upper row, then of the lower one.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[repr(C, align(16))]
+pub struct Quad(pub [f32; 4]);
+
+/// A place in a list for each of sixteen numbers.
+pub type Places = [u32; 16];
+
+/// A set of instructions: eight voxels at a time, or as many in each of two layers.
+pub trait Simd {
+    /// A number for each voxel.
+    type Eight: Real;
+    /// A number for each voxel in each layer.
+    type Sixteen: Real;
+
+    /// Reads lanes.
+    fn load(lanes: &Lanes) -> Self::Eight;
+    /// Writes lanes.
+    fn store(eight: Self::Eight) -> Lanes;
+    /// The least of the lanes, none of which is NaN.
+    fn least(eight: Self::Eight) -> f32;
+    /// The greatest of the lanes, none of which is NaN.
+    fn most(eight: Self::Eight) -> f32;
+    /// Writes numbers that are whole, and fit in `i32`.
+    ///
+    /// # Safety
+    /// They are and do.
+    unsafe fn store_whole(eight: Self::Eight) -> [i32; 8];
+    /// Both layers' numbers.
+    fn join(layers: [Self::Eight; 2]) -> Self::Sixteen;
+    /// What [`Simd::join`] joins.
+    fn split(sixteen: Self::Sixteen) -> [Self::Eight; 2];
 
     /// Where texels of two images of these widths lie, row by row; rows and columns are whole numbers.
     ///
     /// # Safety
     /// They are at least 0, and fit in `i32` with the result.
-    unsafe fn places(rows: Self, columns: Self, widths: [u32; 2]) -> Places;
-    /// Reads quads out of two lists, one for each half: all first numbers, all second ones, and so on.
+    unsafe fn places(rows: Self::Sixteen, columns: Self::Sixteen, widths: [u32; 2]) -> Places;
+    /// Reads quads out of two lists, one for each layer: all first numbers, all second ones, and so on.
     ///
     /// # Safety
     /// The places are within the lists.
-    unsafe fn quads(lists: [&[Quad]; 2], places: &Places) -> [Self; 4];
+    unsafe fn quads(lists: [&[Quad]; 2], places: &Places) -> [Self::Sixteen; 4];
     /// Reads a table of pairs at positions between its entries: the first and second numbers of the entries before, and
     /// how far behind those the positions lie.
     ///
     /// # Safety
     /// The positions, cut off, are within the table.
-    unsafe fn pairs(table: &[[f32; 2]], positions: Self) -> [Self; 3];
+    unsafe fn pairs(table: &[[f32; 2]], positions: Self::Sixteen) -> [Self::Sixteen; 3];
 }
 
 /// Work to be done in vector instructions.
@@ -68,7 +106,7 @@ pub trait Kernel {
     /// What comes of it.
     type Output;
     /// Does it. To be marked `#[inline(always)]`, as all that it calls: it is compiled with the instructions of its caller.
-    fn run<V: Vector>(self) -> Self::Output;
+    fn run<S: Simd>(self) -> Self::Output;
 }
 
 /// A set of instructions that this processor has.
@@ -104,29 +142,27 @@ impl Instructions {
 
     /// All, from the plainest to the widest.
     pub fn all() -> Vec<Self> {
-        let mut all = vec![Self(Set::Portable)];
-        #[cfg(target_arch = "x86_64")]
-        {
-            let widest = Self::widest();
-            all.extend([Set::Avx2, Set::Avx512].map(Self).into_iter().take(match widest.0 {
-                Set::Portable => 0,
-                Set::Avx2 => 1,
-                Set::Avx512 => 2,
-            }));
-        }
-        all
+        let sets = [
+            Set::Portable,
+            #[cfg(target_arch = "x86_64")]
+            Set::Avx2,
+            #[cfg(target_arch = "x86_64")]
+            Set::Avx512,
+        ];
+        let widest = sets.iter().position(|&set| Self(set) == Self::widest()).expect("one of them");
+        sets[..=widest].iter().map(|&set| Self(set)).collect()
     }
 
     /// Does some work with these instructions.
     #[inline]
     pub fn run<K: Kernel>(self, kernel: K) -> K::Output {
         match self.0 {
-            Set::Portable => kernel.run::<portable::Sixteen>(),
+            Set::Portable => kernel.run::<array::Portable>(),
             #[cfg(target_arch = "x86_64")]
             Set::Avx2 => {
                 #[target_feature(enable = "avx2")]
                 fn run<K: Kernel>(kernel: K) -> K::Output {
-                    kernel.run::<avx2::Sixteen>()
+                    kernel.run::<avx2::Avx2>()
                 }
                 // SAFETY: there is a value only where the processor has these.
                 unsafe { run(kernel) }
@@ -135,11 +171,55 @@ impl Instructions {
             Set::Avx512 => {
                 #[target_feature(enable = "avx512f,avx512dq,avx512vl,avx512bw")]
                 fn run<K: Kernel>(kernel: K) -> K::Output {
-                    kernel.run::<avx512::Sixteen>()
+                    kernel.run::<avx512::Avx512>()
                 }
                 // SAFETY: there is a value only where the processor has these.
                 unsafe { run(kernel) }
             }
         }
+    }
+}
+
+impl Real for f32 {
+    type Mask = bool;
+
+    #[inline(always)]
+    fn splat(number: f32) -> Self {
+        number
+    }
+
+    #[inline(always)]
+    fn sqrt(self) -> Self {
+        self.sqrt()
+    }
+
+    #[inline(always)]
+    fn floor(self) -> Self {
+        self.floor()
+    }
+
+    #[inline(always)]
+    fn max(self, other: Self) -> Self {
+        if self > other { self } else { other }
+    }
+
+    #[inline(always)]
+    fn min(self, other: Self) -> Self {
+        if self < other { self } else { other }
+    }
+
+    #[inline(always)]
+    fn greater(self, other: Self) -> bool {
+        self > other
+    }
+
+    #[inline(always)]
+    fn at_least(self, other: Self) -> bool {
+        self >= other
+    }
+
+    #[inline(always)]
+    fn select(mask: bool, one: Self, other: Self) -> Self {
+        if mask { one } else { other }
     }
 }

@@ -4,6 +4,8 @@ use super::projection::{Outline, PixelRay, Projected, Projection};
 use crate::camera::PinholeCamera;
 use crate::cull::{Eighths, PIXEL_SLACK, dot};
 use crate::pose::Pose;
+use crate::simd::{Real, Simd};
+use crate::view::Points;
 use nalgebra::Vector3;
 
 /// Projects through a pinhole (Eq. 13).
@@ -43,6 +45,17 @@ impl Pinhole {
             [0.0, -focal[1], image[1] - principal[1]],
         ];
         Self { image, focal, principal, sides, focal_length: camera.focal_length() }
+    }
+
+    #[inline(always)]
+    fn projected<R: Real>(&self, [x, y, z]: [R; 3]) -> Projected<R> {
+        let inverse = R::splat(1.0) / z;
+        Projected {
+            u: x * inverse * R::splat(self.focal[0]) + R::splat(self.principal[0]),
+            v: y * inverse * R::splat(self.focal[1]) + R::splat(self.principal[1]),
+            range: (x * x + y * y + z * z).sqrt(),
+            in_front: inverse.greater(R::splat(0.0)),
+        }
     }
 }
 
@@ -89,14 +102,13 @@ impl Projection for Pinhole {
     }
 
     #[inline(always)]
-    fn project(&self, [x, y, z]: [f32; 3]) -> Projected {
-        let inverse = 1.0 / z;
-        Projected {
-            u: x * inverse * self.focal[0] + self.principal[0],
-            v: y * inverse * self.focal[1] + self.principal[1],
-            range: (x * x + y * y + z * z).sqrt(),
-            in_front: inverse > 0.0,
-        }
+    fn project(&self, point: [f32; 3]) -> Projected {
+        self.projected(point)
+    }
+
+    #[inline(always)]
+    fn project_eight<S: Simd>(&self, points: &Points) -> Projected<S::Eight> {
+        self.projected([S::load(&points.x), S::load(&points.y), S::load(&points.z)])
     }
 
     fn ray(&self, column: usize, row: usize) -> PixelRay {

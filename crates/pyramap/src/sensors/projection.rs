@@ -6,19 +6,21 @@
 use crate::cull::Eighths;
 use crate::pose::Pose;
 use crate::pyramid;
+use crate::simd::{Real, Simd};
+use crate::view::Points;
 use nalgebra::Vector3;
 
 /// A projected point.
 #[derive(Clone, Copy, Debug)]
-pub struct Projected {
+pub struct Projected<R: Real = f32> {
     /// Column, counted from the image's border: half a pixel more than from the first pixel's centre.
-    pub u: f32,
+    pub u: R,
     /// Row, likewise.
-    pub v: f32,
+    pub v: R,
     /// What the sensor measures of a surface there, metres: the `z` of the paper.
-    pub range: f32,
+    pub range: R,
     /// Whether the sensor could see the point if its image were large enough.
-    pub in_front: bool,
+    pub in_front: R::Mask,
 }
 
 /// Where a cube lies in the image. Bounds may be wide, and are never too tight.
@@ -62,6 +64,18 @@ pub trait Projection: Clone + Sync {
 
     /// Projects a point in the sensor's frame.
     fn project(&self, point: [f32; 3]) -> Projected;
+    /// Projects eight points.
+    #[inline(always)]
+    fn project_eight<S: Simd>(&self, points: &Points) -> Projected<S::Eight> {
+        let [mut u, mut v, mut range, mut in_front] = [[0.0; 8]; 4];
+        for n in 0..8 {
+            let point = self.project(points.lane(n));
+            (u[n], v[n], range[n]) = (point.u, point.v, point.range);
+            in_front[n] = if point.in_front { 1.0 } else { 0.0 };
+        }
+        let in_front = S::load(&in_front).greater(S::Eight::splat(0.0));
+        Projected { u: S::load(&u), v: S::load(&v), range: S::load(&range), in_front }
+    }
     /// The ray of a pixel.
     fn ray(&self, column: usize, row: usize) -> PixelRay;
     /// Up to this range every voxel in sight is cut by some pixel's ray.

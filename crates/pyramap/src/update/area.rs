@@ -7,7 +7,7 @@ use super::{Frame, Pixels, Rule};
 use crate::cull::{LayersRead, Reads};
 use crate::sensors::{Projected, Projection};
 use crate::surfaces::texel;
-use crate::simd::Vector;
+use crate::simd::Simd;
 use crate::view::{Lanes, Points, View};
 
 /// The sample points of a voxel, relative to its centre, in the camera's frame, metres.
@@ -39,7 +39,7 @@ impl Reads for Area {
 
 impl<P: Projection> Rule<P> for Area {
     #[inline(always)]
-    fn log_odds<V: Vector>(&self, frame: &Frame<P>, points: &Points, pixels: &Pixels) -> Lanes {
+    fn log_odds<S: Simd>(&self, frame: &Frame<P>, points: &Points, pixels: &Pixels) -> Lanes {
         let layer = &frame.layers[0];
         let (projection, last) = (&frame.view.projection, [(layer.width - 1) as f32, (layer.height - 1) as f32]);
         let mut sum = [0.0; 8];

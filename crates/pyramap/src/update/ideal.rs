@@ -3,7 +3,7 @@
 use super::{Frame, Pixels, Rule};
 use crate::cull::{Eighths, LayersRead, Reads};
 use crate::sensors::{Outline, PixelRay, Projection};
-use crate::simd::Vector;
+use crate::simd::Simd;
 use crate::view::{Lanes, Points, View};
 use nalgebra::Vector3;
 use std::ops::Range;
@@ -32,7 +32,7 @@ impl Reads for Ideal {
 
 impl<P: Projection> Rule<P> for Ideal {
     #[inline(always)]
-    fn log_odds<V: Vector>(&self, frame: &Frame<P>, points: &Points, pixels: &Pixels) -> Lanes {
+    fn log_odds<S: Simd>(&self, frame: &Frame<P>, points: &Points, pixels: &Pixels) -> Lanes {
         let voxel = Eighths::new::<Ideal>(frame.view, 2);
         std::array::from_fn(|n| ideal_log_odds(frame, &voxel, points.lane(n), pixels.range[n]))
     }

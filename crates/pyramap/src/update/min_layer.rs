@@ -1,9 +1,9 @@
 //! The paper's baseline, after Andert 2009: minimum ranges, one layer, bilinear within it.
 
-use super::{Frame, Pixels, Rule, apparent_distances, bilinear, layers_between, layers_of};
+use super::{Frame, Pixels, Rule, apparent_distances, bilinear, layers_between, layers_of, power_of_two};
 use crate::cull::{LayersRead, Reads};
 use crate::sensors::Projection;
-use crate::simd::Vector;
+use crate::simd::{Real, Simd};
 use crate::view::{Lanes, Points};
 
 /// `t_0` and the number of layers.
@@ -27,16 +27,17 @@ impl Reads for MinLayer {
 
 impl<P: Projection> Rule<P> for MinLayer {
     #[inline(always)]
-    fn log_odds<V: Vector>(&self, frame: &Frame<P>, _: &Points, pixels: &Pixels) -> Lanes {
-        let layers = layers_of(self.t_0, self.count, &apparent_distances(frame, pixels));
-        let mut result = [f32::NAN; 8];
-        for i in (layers.first..=layers.last).step_by(2) {
-            let [here, next] = bilinear::<V, P>(frame, [i, (i + 1).min(self.count - 1)], pixels);
-            for n in 0..8 {
-                let served = if layers.each[n] == i as i32 + 1 { next[n] } else { result[n] };
-                result[n] = if layers.each[n] == i as i32 { here[n] } else { served };
+    fn log_odds<S: Simd>(&self, frame: &Frame<P>, _: &Points, pixels: &Pixels) -> Lanes {
+        let (splat, select) = (S::Eight::splat, S::Eight::select);
+        let q = splat(self.t_0) / apparent_distances::<S, P>(pixels);
+        let (first, last) = layers_of::<S>(q, self.count);
+        let mut result = splat(f32::NAN);
+        for i in (first..=last).step_by(2) {
+            let [here, next] = bilinear::<S, P>(frame, [i, (i + 1).min(self.count - 1)], pixels);
+            for (i, here) in [(i, here), (i + 1, next)] {
+                result = if i == first { here } else { select(q.at_least(splat(power_of_two(i))), here, result) };
             }
         }
-        result
+        S::store(result)
     }
 }

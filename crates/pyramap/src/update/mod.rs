@@ -18,7 +18,7 @@ use crate::log_odds::{self, STEPS};
 use crate::pyramid::Selection;
 use crate::sensor::SensorTable;
 use crate::sensors::{Projected, Projection};
-use crate::simd::{Kernel, Vector};
+use crate::simd::{Kernel, Real, Simd};
 use crate::surfaces::SurfaceLayer;
 use crate::view::{Lanes, Points, View};
 use rayon::prelude::*;
@@ -105,7 +105,7 @@ pub struct Frame<'a, P> {
 pub trait Rule<P>: Reads {
     /// Log-odds of the voxels whose centres are `points`, projected to `pixels`; NaN where nothing was read.
     /// Lanes out of sight hold anything, and what is answered for them is not used.
-    fn log_odds<V: Vector>(&self, frame: &Frame<P>, points: &Points, pixels: &Pixels) -> Lanes;
+    fn log_odds<S: Simd>(&self, frame: &Frame<P>, points: &Points, pixels: &Pixels) -> Lanes;
 }
 
 /// Projected voxel centres.
@@ -133,35 +133,22 @@ fn layers_between(t_0: f32, count: usize, near: f32, far: f32) -> (usize, usize)
     (layer_of(t_0 / far, count), if near > 0.0 { layer_of(t_0 / near, count) } else { count - 1 })
 }
 
-/// The layers of eight voxels.
-struct LayersOf {
-    each: [i32; 8],
-    first: usize,
-    last: usize,
-}
-
-/// [`layer_of`] for eight voxels at once.
+/// The first and last of the layers of voxels with these `q`.
 #[inline(always)]
-fn layers_of(t_0: f32, count: usize, range: &Lanes) -> LayersOf {
-    let mut each = [0; 8];
-    for n in 0..8 {
-        each[n] = layer_of(t_0 / range[n], count) as i32;
-    }
-    let first = each.iter().fold(i32::MAX, |least, &i| if i < least { i } else { least });
-    let last = each.iter().fold(0, |most, &i| if i > most { i } else { most });
-    LayersOf { each, first: first as usize, last: last as usize }
+fn layers_of<S: Simd>(q: S::Eight, count: usize) -> (usize, usize) {
+    (layer_of(S::least(q), count), layer_of(S::most(q), count))
 }
 
 /// The distances that say how large the voxels look.
 #[inline(always)]
-fn apparent_distances<P: Projection>(frame: &Frame<P>, pixels: &Pixels) -> Lanes {
-    pixels.range.map(|range| frame.view.projection.apparent_distance(range))
+fn apparent_distances<S: Simd, P: Projection>(pixels: &Pixels) -> S::Eight {
+    if P::PERSPECTIVE { S::load(&pixels.range) } else { S::Eight::splat(1.0) }
 }
 
 /// `2^i`, for the number of a layer.
 #[inline(always)]
-fn power_of_two(i: i32) -> f32 {
-    f32::from_bits(((i + 127) as u32) << 23)
+fn power_of_two(i: usize) -> f32 {
+    (1u32 << i) as f32
 }
 
 /// A block by its eighths, theirs, and theirs, which are single voxels: positions are the same for all blocks of a frame.
@@ -212,20 +199,20 @@ impl<R: Rule<P>, P: Projection> Kernel for UpdateBlock<'_, R, P> {
     type Output = ();
 
     #[inline(always)]
-    fn run<V: Vector>(self) {
-        update_eighths::<V, R, P>(self.scope, self.frame, self.layout, self.key, self.out);
+    fn run<S: Simd>(self) {
+        update_eighths::<S, R, P>(self.scope, self.frame, self.layout, self.key, self.out);
     }
 }
 
 #[inline(always)]
-fn update_eighths<V: Vector, R: Rule<P>, P: Projection>(
+fn update_eighths<S: Simd, R: Rule<P>, P: Projection>(
     scope: &Scope<R, P>,
     frame: &Frame<P>,
     layout: &BlockLayout<P>,
     key: BlockKey,
     out: &mut BlockData,
 ) {
-    let free = to_increment(frame.table.free());
+    let free = free_increment(frame.table);
     let centre = scope.view.to_camera(&scope.view.offset_of(key, 1));
     let quarters = layout.quarters.offsets.moved(centre);
     for (q, class) in scope.classify(&layout.quarters, &quarters).into_iter().enumerate() {
@@ -238,7 +225,7 @@ fn update_eighths<V: Vector, R: Rule<P>, P: Projection>(
             let values = match class {
                 Class::Skip => [0; 8],
                 Class::Free => [free; 8],
-                Class::Mixed => update_lanes::<V, R, P>(scope, frame, &layout.voxels.offsets.moved(pairs.lane(p))),
+                Class::Mixed => update_lanes::<S, R, P>(scope, frame, &layout.voxels.offsets.moved(pairs.lane(p))),
             };
             store(out, q, p, values);
         }
@@ -256,34 +243,27 @@ fn store(out: &mut BlockData, q: usize, p: usize, values: [i32; 8]) {
 
 /// Increments of eight voxels: projects them (Eq. 13), asks the rule, and rounds.
 #[inline(always)]
-fn update_lanes<V: Vector, R: Rule<P>, P: Projection>(scope: &Scope<R, P>, frame: &Frame<P>, points: &Points) -> [i32; 8] {
-    let view = frame.view;
-    let image = view.projection.image();
-    let mut pixels = Pixels { u: [0.0; 8], v: [0.0; 8], range: [0.0; 8] };
-    let mut seen = [false; 8];
-    for i in 0..8 {
-        let Projected { u, v, range, in_front } = view.projection.project(points.lane(i));
-        (pixels.u[i], pixels.v[i]) = (u, v);
-        seen[i] = in_front & (range <= view.max_range) & (u >= 0.0) & (v >= 0.0) & (u < image[0]) & (v < image[1]);
-        // Lanes out of range must not reach for layers that are not made.
-        pixels.range[i] = if range <= view.max_range { range } else { view.max_range };
-    }
-    let log_odds = scope.rule.log_odds::<V>(frame, points, &pixels);
-    let mut increments = [0; 8];
-    for i in 0..8 {
-        let told = seen[i] & !log_odds[i].is_nan();
-        increments[i] = to_increment(if told { log_odds[i] } else { 0.0 });
-    }
-    increments
+fn update_lanes<S: Simd, R: Rule<P>, P: Projection>(scope: &Scope<R, P>, frame: &Frame<P>, points: &Points) -> [i32; 8] {
+    let (view, splat) = (frame.view, S::Eight::splat);
+    let [width, height] = view.projection.image();
+    let (nothing, max_range) = (splat(0.0), splat(view.max_range));
+    let Projected { u, v, range, in_front } = view.projection.project_eight::<S>(points);
+    let inside = u.at_least(nothing) & v.at_least(nothing) & splat(width).greater(u) & splat(height).greater(v);
+    let seen = in_front & max_range.at_least(range) & inside;
+    // Lanes out of range must not reach for layers that are not made.
+    let pixels = Pixels { u: S::store(u), v: S::store(v), range: S::store(range.min(max_range)) };
+    let log_odds = S::load(&scope.rule.log_odds::<S>(frame, points, &pixels));
+    let told = S::Eight::select(seen & log_odds.is_number(), log_odds, nothing);
+    // SAFETY: rounded, and small.
+    unsafe { S::store_whole(rounded(told)) }
 }
 
 /// The nearest fixed-point number. Adding and taking off 1.5 x 2^23 rounds any `f32` below 2^22 to an integer, ties to
 /// even, with the same bits on every processor; log-odds of one reading stay below 2^6.
 #[inline(always)]
-fn to_increment(log_odds: f32) -> i32 {
-    const ROUND: f32 = 12_582_912.0;
-    // SAFETY: a finite number below 2^22.
-    unsafe { ((log_odds * STEPS + ROUND) - ROUND).to_int_unchecked() }
+fn rounded<R: Real>(log_odds: R) -> R {
+    let round = R::splat(12_582_912.0);
+    (log_odds * R::splat(STEPS) + round) - round
 }
 
 fn summary(increments: &BlockData) -> Change {
@@ -299,7 +279,7 @@ fn summary(increments: &BlockData) -> Change {
 
 /// The increment of a voxel in free space.
 pub fn free_increment(table: &SensorTable) -> i32 {
-    let increment = to_increment(table.free());
+    let increment = rounded(table.free()) as i32;
     debug_assert_eq!(increment, log_odds::to_fixed(f64::from(table.free())));
     increment
 }
@@ -307,53 +287,53 @@ pub fn free_increment(table: &SensorTable) -> i32 {
 /// Bilinear interpolation of log-odds in two layers (Eq. 15, 16) over the texels that have a reading; NaN where none has.
 /// Texel centres lie at half-integer `(u, v)`.
 #[inline(always)]
-fn bilinear<V: Vector, P: Projection>(frame: &Frame<P>, layers: [usize; 2], pixels: &Pixels) -> [Lanes; 2] {
-    let scale = of_halves::<V>(layers.map(|i| 1.0 / (1u32 << i) as f32));
+fn bilinear<S: Simd, P: Projection>(frame: &Frame<P>, layers: [usize; 2], pixels: &Pixels) -> [S::Eight; 2] {
+    let splat = S::Sixteen::splat;
+    let scale = of_layers::<S>(layers.map(|i| 1.0 / power_of_two(i)));
     let layers = layers.map(|i| &frame.layers[i]);
-    let [width, height] = [layers.map(|layer| layer.width as f32), layers.map(|layer| layer.height as f32)];
-    let (columns, right) = taps(both::<V>(&pixels.u) * scale, of_halves(width));
-    let (rows, lower) = taps(both::<V>(&pixels.v) * scale, of_halves(height));
+    let (columns, right) = taps(of_voxels::<S>(&pixels.u) * scale, of_layers::<S>(layers.map(|layer| layer.width as f32)));
+    let (rows, lower) = taps(of_voxels::<S>(&pixels.v) * scale, of_layers::<S>(layers.map(|layer| layer.height as f32)));
     for layer in layers {
         assert!(layer.quads[0].len() > layer.width * layer.height, "a layer that this rule reads");
     }
     // SAFETY: `taps` clamps to the layer.
-    let places = unsafe { V::places(rows, columns, layers.map(|layer| layer.width as u32 + 1)) };
-    let surfaces = unsafe { V::quads(layers.map(|layer| &layer.quads[0][..]), &places) };
+    let places = unsafe { S::places(rows, columns, layers.map(|layer| layer.width as u32 + 1)) };
+    let surfaces = unsafe { S::quads(layers.map(|layer| &layer.quads[0][..]), &places) };
     let inv_sigmas = if layers[0].inv_sigma.len() == 1 {
-        [V::splat(layers[0].inv_sigma[0]); 4]
+        [splat(layers[0].inv_sigma[0]); 4]
     } else {
-        unsafe { V::quads(layers.map(|layer| &layer.quads[1][..]), &places) }
+        unsafe { S::quads(layers.map(|layer| &layer.quads[1][..]), &places) }
     };
-    let (nothing, one, range) = (V::splat(0.0), V::splat(1.0), both::<V>(&pixels.range));
+    let (nothing, one, range) = (splat(0.0), splat(1.0), of_voxels::<S>(&pixels.range));
     let (rows, columns) = ([one - lower, lower], [one - right, right]);
     let (mut sum, mut weight) = (nothing, nothing);
     for k in 0..4 {
-        let w = V::select(surfaces[k].is_number(), rows[k / 2] * columns[k % 2], nothing);
-        sum = sum + w * frame.table.log_odds_of((range - surfaces[k]) * inv_sigmas[k]);
+        let w = S::Sixteen::select(surfaces[k].is_number(), rows[k / 2] * columns[k % 2], nothing);
+        sum = sum + w * frame.table.log_odds_of::<S>((range - surfaces[k]) * inv_sigmas[k]);
         weight = weight + w;
     }
-    V::select(weight.greater(nothing), sum / weight, V::splat(f32::NAN)).halves()
+    S::split(S::Sixteen::select(weight.greater(nothing), sum / weight, splat(f32::NAN)))
 }
 
 /// The same eight numbers for both layers.
 #[inline(always)]
-fn both<V: Vector>(lanes: &Lanes) -> V {
-    V::join([lanes, lanes])
+fn of_voxels<S: Simd>(lanes: &Lanes) -> S::Sixteen {
+    S::join([S::load(lanes); 2])
 }
 
 /// A number for each layer.
 #[inline(always)]
-fn of_halves<V: Vector>([near, next]: [f32; 2]) -> V {
-    V::join([&[near; 8], &[next; 8]])
+fn of_layers<S: Simd>(numbers: [f32; 2]) -> S::Sixteen {
+    S::join(numbers.map(S::Eight::splat))
 }
 
 /// The quad along one axis in which each coordinate lies, clamped to those of a layer of `size` texels, and the weight of
 /// the second texel.
 #[inline(always)]
-fn taps<V: Vector>(coordinate: V, size: V) -> (V, V) {
-    let x = coordinate - V::splat(0.5);
+fn taps<R: Real>(coordinate: R, size: R) -> (R, R) {
+    let x = coordinate - R::splat(0.5);
     let floor = x.floor();
     // NaN becomes 0.
-    let quad = (floor + V::splat(1.0)).max(V::splat(0.0)).min(size);
+    let quad = (floor + R::splat(1.0)).max(R::splat(0.0)).min(size);
     (quad, x - floor)
 }

@@ -3,7 +3,7 @@
 use super::{Frame, Pixels, Rule, apparent_distances, bilinear, layers_between, layers_of, power_of_two};
 use crate::cull::{LayersRead, Reads};
 use crate::sensors::Projection;
-use crate::simd::Vector;
+use crate::simd::{Real, Simd};
 use crate::view::{Lanes, Points};
 
 /// `t_0` and the number of layers.
@@ -29,29 +29,25 @@ impl Reads for Pyramid {
 
 impl<P: Projection> Rule<P> for Pyramid {
     #[inline(always)]
-    fn log_odds<V: Vector>(&self, frame: &Frame<P>, _: &Points, pixels: &Pixels) -> Lanes {
-        let distance = apparent_distances(frame, pixels);
-        let layers = layers_of(self.t_0, self.count, &distance);
-        let last = self.count as i32 - 1;
-        let mut towards_next: Lanes = [0.0; 8];
-        let mut served_alone = [false; 8];
-        for n in 0..8 {
+    fn log_odds<S: Simd>(&self, frame: &Frame<P>, _: &Points, pixels: &Pixels) -> Lanes {
+        let (splat, select) = (S::Eight::splat, S::Eight::select);
+        let distance = apparent_distances::<S, P>(pixels);
+        let t_0 = splat(self.t_0);
+        let q = t_0 / distance;
+        let (first, last) = layers_of::<S>(q, self.count);
+        let mut result = splat(f32::NAN);
+        for i in first..=last {
+            let is_last = i + 1 == self.count;
+            let [here, next] = bilinear::<S, P>(frame, [i, if is_last { i } else { i + 1 }], pixels);
             // Eq. 17, with t_(i+1) = t_i / 2: (z - t_i) / (t_(i+1) - t_i) = 2 (1 - z / t_i).
-            towards_next[n] = 2.0 - 2.0 * (distance[n] * power_of_two(layers.each[n]) / self.t_0);
-            served_alone[n] = (distance[n] > self.t_0) | (layers.each[n] == last);
+            let towards_next = splat(2.0) - splat(2.0) * (distance * splat(power_of_two(i)) / t_0);
+            let both = select(here.is_number(), here + towards_next * (next - here), next);
+            // Beyond t_0 layer 0 serves alone, within the last layer's distance the last.
+            let blended = select(next.is_number(), select(distance.greater(t_0), here, both), here);
+            let served = if is_last { here } else { blended };
+            // Of what is nearer a coarser layer answers, in a later round.
+            result = if i == first { served } else { select(q.at_least(splat(power_of_two(i))), served, result) };
         }
-        let mut result = [f32::NAN; 8];
-        for i in layers.first..=layers.last {
-            let [here, next] = bilinear::<V, P>(frame, [i, (i + 1).min(self.count - 1)], pixels);
-            for n in 0..8 {
-                let (l_i, l_next) = (here[n], next[n]);
-                let has_next = !l_next.is_nan() & !served_alone[n];
-                let blended = l_i + towards_next[n] * (l_next - l_i);
-                let both = if l_i.is_nan() { l_next } else { blended };
-                let served = if has_next { both } else { l_i };
-                result[n] = if layers.each[n] == i as i32 { served } else { result[n] };
-            }
-        }
-        result
+        S::store(result)
     }
 }
