@@ -15,7 +15,7 @@ use crate::sensor::{SensorModel, SensorTable};
 use crate::simd::Instructions;
 use crate::sensors::{DistortedPinhole, Orthographic, Pinhole, Projection, Sensor, Spherical};
 use crate::stats::{StageSeconds, Stopwatch};
-use crate::surfaces::SurfaceLayer;
+use crate::surfaces::{self, SurfaceLayer};
 use crate::update::area::Area;
 use crate::update::ideal::Ideal;
 use crate::update::min_layer::MinLayer;
@@ -113,15 +113,9 @@ impl CpuBackend {
         let count = view.projection.num_layers();
         let wanted = config.update.layers(view, count);
         self.pyramid.compute(&self.ranges, view.t_0, config.update.selection::<P>(), wanted.clone());
-        self.surfaces.resize_with(count, SurfaceLayer::default);
-        for i in wanted {
-            let ((model, table), layer) = (&self.models[0], &self.pyramid.layers[i]);
-            let finest = config.update.finest_bounds();
-            self.surfaces[i].compute(layer, model, table, finest);
-            if config.update.interpolates() {
-                self.surfaces[i].interpolate(view.projection.wraps());
-            }
-        }
+        let (model, table) = &self.models[0];
+        let (reading, wraps) = (config.update.reading(), view.projection.wraps());
+        surfaces::compute(&mut self.surfaces, &self.pyramid.layers, wanted, (model, table), reading, wraps);
     }
 
     /// The blocks that the frame changes.

@@ -11,8 +11,8 @@
 
 use crate::block::{BLOCK_EDGE, BlockKey};
 use crate::sensors::Projection;
-use crate::simd::Instructions;
-use crate::surfaces::{Bounds, SurfaceLayer, texel};
+use crate::simd::{Instructions, Kernel, Real, Simd};
+use crate::surfaces::{Bounds, SurfaceLayer};
 use crate::view::{Points, View};
 use nalgebra::Vector3;
 use rayon::prelude::*;
@@ -50,11 +50,11 @@ pub trait Reads: Sync {
 /// The layers `first..=last`, and when a voxel is sure to be told something by them.
 #[derive(Clone, Copy, Debug)]
 pub struct LayersRead {
-    /// The finest layer read.
+    /// The finest layer that serves a voxel.
     pub first: usize,
-    /// The coarsest layer read.
+    /// The coarsest layer that serves a voxel. If the rule reads two neighbouring layers, one more is read.
     pub last: usize,
-    /// Whether each voxel reads two neighbouring layers, and is served by one where the other has holes.
+    /// Whether each voxel is served by the next layer where its own has holes, if there is a next one.
     pub fallback: bool,
     /// Whether each voxel reads at least one texel.
     pub certain: bool,
@@ -106,23 +106,24 @@ impl<P: Projection> Eighths<P> {
 
     /// The nearest and farthest distance of the points in the cube around a centre, with slack for rounding.
     #[inline(always)]
-    pub fn distances(&self, point: [f32; 3]) -> [f32; 2] {
-        let (mut near, mut far) = (0.0, 0.0);
+    pub fn distances<R: Real>(&self, point: [R; 3]) -> [R; 2] {
+        let (nothing, half, slack) = (R::splat(0.0), R::splat(self.voxels), R::splat(DISTANCE_SLACK));
+        let (mut near, mut far) = (nothing, nothing);
         for axis in &self.axes {
             let away = dot(axis, &point).abs();
-            let nearest = if away > self.voxels { away - self.voxels } else { 0.0 };
-            near += nearest * nearest;
-            far += (away + self.voxels) * (away + self.voxels);
+            let nearest = (away - half).max(nothing);
+            near = near + nearest * nearest;
+            far = far + (away + half) * (away + half);
         }
         let far = far.sqrt();
-        [near.sqrt() - DISTANCE_SLACK * far, far + DISTANCE_SLACK * far]
+        [near.sqrt() - slack * far, far + slack * far]
     }
 }
 
 /// The scalar product.
 #[inline(always)]
-pub fn dot(a: &[f32; 3], b: &[f32; 3]) -> f32 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+pub fn dot<R: Real>(a: &[f32; 3], b: &[R; 3]) -> R {
+    R::splat(a[0]) * b[0] + R::splat(a[1]) * b[1] + R::splat(a[2]) * b[2]
 }
 
 /// What the cull asks: the frame's view, the surfaces in its layers, and the rule that will read them.
@@ -142,77 +143,63 @@ pub struct Scope<'a, R, P> {
 impl<R: Reads, P: Projection> Scope<'_, R, P> {
     /// Classifies the eighths whose centres are given.
     #[inline(always)]
-    pub fn classify(&self, eighths: &Eighths<P>, centres: &Points) -> [Class; 8] {
-        let (projection, max_range) = (&self.view.projection, self.view.max_range);
-        let [mut near, mut far, mut left, mut right, mut top, mut bottom] = [[0.0f32; 8]; 6];
-        let [mut bounded, mut in_sight, mut inside] = [[false; 8]; 3];
-        for i in 0..8 {
-            let centre = centres.lane(i);
-            [near[i], far[i]] = projection.ranges(eighths, centre);
-            let outline = projection.outline(eighths, centre, far[i]);
-            [left[i], right[i]] = outline.columns;
-            [top[i], bottom[i]] = outline.rows;
-            bounded[i] = outline.bounded;
-            in_sight[i] = outline.in_sight & (near[i] <= max_range);
-            inside[i] = outline.inside & (far[i] <= max_range);
-        }
+    pub fn classify<S: Simd>(&self, eighths: &Eighths<P>, centres: &Points) -> [Class; 8] {
+        let ([near, far], outline) = self.view.projection.outline_eight::<S>(eighths, centres);
+        let max_range = S::Eight::splat(self.view.max_range);
+        let in_sight = S::bits(outline.in_sight & max_range.at_least(near));
+        let inside = S::bits(outline.inside & max_range.at_least(far));
+        let bounded = if self.enabled { S::bits(outline.bounded) } else { 0 };
+        // Farther than max_range no voxel is asked, and the layers that would serve there are not made.
+        let (near, far, farthest) = (S::store(near), S::store(far), S::store(far.min(max_range)));
+        let ([left, right], [top, bottom]) = (outline.columns.map(S::store), outline.rows.map(S::store));
         let mut classes = [Class::Skip; 8];
-        for i in 0..8 {
-            if !in_sight[i] {
+        for n in 0..8 {
+            if in_sight >> n & 1 == 0 {
                 continue;
             }
-            classes[i] = if self.enabled && bounded[i] {
-                self.compare(near[i], far[i], [left[i], top[i], right[i], bottom[i]], inside[i])
-            } else {
-                Class::Mixed
-            };
+            classes[n] = Class::Mixed;
+            if bounded >> n & 1 != 0 {
+                let found = self.bounds(near[n], farthest[n], [left[n], right[n]], [top[n], bottom[n]]);
+                let Some((bounds, gapless)) = found else { continue };
+                if near[n] > bounds.far() {
+                    classes[n] = Class::Skip;
+                } else if inside >> n & 1 != 0 && gapless && far[n] < bounds.near() {
+                    classes[n] = Class::Free;
+                }
+            }
         }
         classes
     }
 
-    /// Compares an interval of distances with the surfaces in a rectangle of the image.
+    /// Bounds over the texels that are read for voxels at distances `near..=far` which are projected into a rectangle of
+    /// the image, and whether every voxel is sure to find a valid texel; `None` if these are too many layers.
     #[inline(always)]
-    fn compare(&self, near: f32, far: f32, [left, top, right, bottom]: [f32; 4], inside: bool) -> Class {
-        // Farther than max_range no voxel is asked, and the layers that would serve there are not made.
+    fn bounds(&self, near: f32, far: f32, columns: [f32; 2], rows: [f32; 2]) -> Option<(Bounds, bool)> {
         let apparent = |range| self.view.projection.apparent_distance(range);
-        let read = self.rule.layers(apparent(near), apparent(far.min(self.view.max_range)));
+        let read = self.rule.layers(apparent(near), apparent(far));
         if read.last - read.first >= MAX_LAYERS {
-            return Class::Mixed;
+            return None;
         }
-        let mut all = Bounds::NONE;
-        let mut previous_has_holes = false;
-        // Whether every voxel is sure to find a valid texel.
-        let mut gapless = read.certain;
+        let (mut all, mut gapless) = (Bounds::NONE, read.certain);
         for i in read.first..=read.last {
             let layer = &self.layers[i];
-            let scale = 1.0 / (1u32 << i) as f32;
-            let texels = |low: f32, high: f32, size: usize| {
-                let last = (size - 1) as f32;
-                (texel(low * scale - 0.5, last), texel(high * scale - 0.5 + R::REACH, last))
-            };
-            let rows = texels(top, bottom, layer.height);
-            let bounds = if self.view.projection.wraps() {
-                let column = |u: f32| (u * scale - 0.5).floor() as i32;
-                layer.wrapped_bounds(column(left), column(right + R::REACH / scale), rows)
-            } else {
-                layer.bounds(texels(left, right, layer.width), rows)
-            };
-            let has_holes = bounds.has_holes();
-            gapless &= if read.fallback && read.first < read.last {
-                i == read.first || !(has_holes && previous_has_holes)
-            } else {
-                !has_holes
-            };
-            previous_has_holes = has_holes;
+            let bounds = layer.rectangle(1.0 / (1u32 << i) as f32, columns, rows, R::REACH);
+            gapless &= !bounds.has_holes(read.fallback);
             all = all.union(bounds);
         }
-        if near > all.far() {
-            Class::Skip
-        } else if inside && gapless && far < all.near() {
-            Class::Free
-        } else {
-            Class::Mixed
-        }
+        Some((all, gapless))
+    }
+}
+
+/// [`Scope::classify`] by itself.
+struct Classify<'a, R, P: Projection>(&'a Scope<'a, R, P>, &'a Eighths<P>, Points);
+
+impl<R: Reads, P: Projection> Kernel for Classify<'_, R, P> {
+    type Output = [Class; 8];
+
+    #[inline(always)]
+    fn run<S: Simd>(self) -> [Class; 8] {
+        self.0.classify::<S>(self.1, &self.2)
     }
 }
 
@@ -271,7 +258,7 @@ fn descend<R: Reads, P: Projection>(scope: &Scope<R, P>, sizes: &[Eighths<P>], k
     let (eighths, smaller) = sizes.split_last().expect("a cube of two blocks' edge is the smallest that is split");
     let half = 1 << smaller.len();
     let centre = scope.view.to_camera(&scope.view.offset_of(key, 2 * half));
-    let classes = scope.classify(eighths, &eighths.offsets.moved(centre));
+    let classes = scope.instructions.run(Classify(scope, eighths, eighths.offsets.moved(centre)));
     for (n, class) in classes.into_iter().enumerate() {
         let child = std::array::from_fn(|axis| key[axis] + side(n, axis) as i32 * half);
         match class {

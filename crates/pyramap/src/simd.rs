@@ -73,6 +73,8 @@ pub trait Simd {
     fn least(eight: Self::Eight) -> f32;
     /// The greatest of the lanes, none of which is NaN.
     fn most(eight: Self::Eight) -> f32;
+    /// A bit for each lane, the first one's the lowest.
+    fn bits(mask: <Self::Eight as Real>::Mask) -> u32;
     /// Writes numbers that are whole, and fit in `i32`.
     ///
     /// # Safety

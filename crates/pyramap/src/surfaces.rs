@@ -3,10 +3,12 @@
 //! The bounds answer, for a rectangle of texels, from which distance on something is not free any more (`near`), up to
 //! which distance something is not hidden yet (`far`), and whether a texel is a hole. They are what the cull asks.
 
-use crate::pyramid::Layer;
+use crate::pyramid::{Layer, num_layers};
 use crate::sensor::{SensorModel, SensorTable};
 use crate::simd::Quad;
 use rayon::prelude::*;
+use std::mem::take;
+use std::ops::Range;
 
 /// One layer, ready to be asked for log-odds.
 #[derive(Clone, Debug, Default)]
@@ -19,13 +21,68 @@ pub struct SurfaceLayer {
     pub surface: Vec<f32>,
     /// `1 / sigma` of each texel; a single number where sigma is the same for all.
     pub inv_sigma: Vec<f32>,
-    /// For rules that interpolate, by the texel to the upper left, of which one more row and column lie beyond the border:
-    /// four texels and, unless sigma is the same for all, four times `1 / sigma`.
+    /// For rules that interpolate: the texels between which a coordinate may lie, by the lower right one, of which one more
+    /// row and column lie beyond the border; and, unless sigma is the same for all, four times `1 / sigma`.
     pub quads: [Vec<Quad>; 2],
-    /// Bounds over single cells of `2^finest` texels.
+    /// Whether the last column's neighbour is the first.
+    wraps: bool,
+    reading: Reading,
+    /// Each row's texels, or what is found in threes of them.
+    rows: Vec<Bounds>,
     cells: Windows,
+    /// Bounds over every square of 2 x 2 cells, by the power of two of texels, or of quads, in a cell.
     windows: Vec<Windows>,
-    finest: usize,
+}
+
+/// How an update rule reads layers: what the cells are of which there are bounds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Reading {
+    /// Texel by texel; a cell is a square of `2^finest` of them.
+    Texels {
+        /// A power of two.
+        finest: usize,
+    },
+    /// Between four texels, a quad; a cell is what is read for a voxel that lies in it.
+    Quads {
+        /// Whether the next coarser layer is read as well. Then its texels are in the cell, too.
+        blended: bool,
+    },
+}
+
+impl Default for Reading {
+    fn default() -> Self {
+        Reading::Texels { finest: 0 }
+    }
+}
+
+impl Reading {
+    fn finest(self) -> usize {
+        match self {
+            Reading::Texels { finest } => finest,
+            Reading::Quads { .. } => 0,
+        }
+    }
+
+    /// How many quads there are along a side beyond the number of texels.
+    fn beyond(self) -> usize {
+        usize::from(matches!(self, Reading::Quads { .. }))
+    }
+}
+
+/// Applies the model to those of the layers that are `wanted`, into these buffers.
+pub fn compute(
+    surfaces: &mut Vec<SurfaceLayer>,
+    layers: &[Layer],
+    wanted: Range<usize>,
+    (model, table): (&SensorModel, &SensorTable),
+    reading: Reading,
+    wraps: bool,
+) {
+    surfaces.resize_with(layers.len(), SurfaceLayer::default);
+    for i in wanted.rev() {
+        let (finer, coarser) = surfaces.split_at_mut(i + 1);
+        finer[i].compute(&layers[i], coarser.first(), (model, table), reading, wraps);
+    }
 }
 
 /// Bounds over a rectangle of texels. All four are maxima, so that the bounds of two sets together are one vector
@@ -39,6 +96,8 @@ impl Bounds {
     pub const NONE: Self = Self([f32::NEG_INFINITY, f32::NEG_INFINITY, 0.0, 0.0]);
     /// The bounds of a texel without a reading.
     const HOLE: Self = Self([f32::NEG_INFINITY, f32::NEG_INFINITY, 1.0, 0.0]);
+    /// Those of texels of a layer that is not there.
+    const ABSENT: Self = Self([f32::NEG_INFINITY, f32::NEG_INFINITY, 0.0, 1.0]);
 
     /// Every voxel nearer than this is free, as far as valid texels are concerned.
     #[inline(always)]
@@ -52,10 +111,16 @@ impl Bounds {
         self.0[1]
     }
 
-    /// Whether some texel has no reading.
+    /// Whether some texel has no reading: one that the next layer does not answer for, if that is let to.
     #[inline(always)]
-    pub fn has_holes(&self) -> bool {
-        self.0[2] > 0.0
+    pub fn has_holes(&self, fallback: bool) -> bool {
+        (self.0[2] > 0.0) & (!fallback | (self.0[3] > 0.0))
+    }
+
+    /// What was found in a layer as the one before it sees it.
+    #[inline(always)]
+    fn of_next(self) -> Self {
+        Self([self.0[0], self.0[1], 0.0, self.0[2]])
     }
 
     /// The bounds of two sets of texels together.
@@ -87,7 +152,7 @@ fn squares((low, high): (u32, u32), level: usize) -> [usize; 3] {
     [low, (low + 2).min(last), last]
 }
 
-/// Bounds over every square of 2 x 2 cells, for cells of `2^level` texels.
+/// Bounds over squares, row by row.
 #[derive(Clone, Debug, Default)]
 struct Windows {
     width: usize,
@@ -96,11 +161,32 @@ struct Windows {
 }
 
 impl SurfaceLayer {
-    /// Applies the model to a layer, into these buffers. Bounds will be no tighter than cells of `2^finest` texels.
-    pub fn compute(&mut self, layer: &Layer, model: &SensorModel, table: &SensorTable, finest: usize) {
-        (self.width, self.height) = (layer.width, layer.height);
+    /// Applies the model to a layer, into these buffers; the next coarser one is done already.
+    fn compute(
+        &mut self,
+        layer: &Layer,
+        next: Option<&SurfaceLayer>,
+        (model, table): (&SensorModel, &SensorTable),
+        reading: Reading,
+        wraps: bool,
+    ) {
+        (self.width, self.height, self.reading, self.wraps) = (layer.width, layer.height, reading, wraps);
         self.place_surfaces(layer, model);
-        self.bound(table.cutoff(), finest);
+        self.windows.resize_with(num_layers(self.width, self.height).max(reading.finest() + 1), Windows::default);
+        match reading {
+            Reading::Texels { finest } => {
+                self.bound_texels(table.cutoff(), finest);
+                self.windows[finest].unite(&self.cells, 1);
+            }
+            Reading::Quads { blended } => {
+                self.gather_quads();
+                self.bound_quads(table.cutoff(), next.filter(|_| blended));
+            }
+        }
+        for level in reading.finest() + 1..self.windows.len() {
+            let (finer, coarser) = self.windows.split_at_mut(level);
+            coarser[0].unite(&finer[level - 1], 2);
+        }
     }
 
     fn place_surfaces(&mut self, layer: &Layer, model: &SensorModel) {
@@ -124,54 +210,113 @@ impl SurfaceLayer {
         }
     }
 
-    /// Puts texels beside each other that are read together. Beyond the border lies what lies at the border or, in an image
-    /// whose last column's neighbour is the first, at the other end.
-    pub fn interpolate(&mut self, wraps: bool) {
-        let Self { width, height, surface, inv_sigma, quads: [surfaces, inv_sigmas], .. } = self;
-        gather(surface, [*width, *height], wraps, surfaces);
+    fn gather_quads(&mut self) {
+        let Self { width, height, surface, inv_sigma, quads: [surfaces, inv_sigmas], wraps, .. } = self;
+        gather(surface, [*width, *height], *wraps, surfaces);
         if inv_sigma.len() > 1 {
-            gather(inv_sigma, [*width, *height], wraps, inv_sigmas);
+            gather(inv_sigma, [*width, *height], *wraps, inv_sigmas);
         } else {
             inv_sigmas.clear();
         }
     }
 
-    /// Bounds over squares of two cells, for cells of `2^finest` texels and all coarser ones.
-    fn bound(&mut self, cutoff: f32, finest: usize) {
-        let edge = 1 << finest;
-        self.cells.fit(self.width.div_ceil(edge), self.height.div_ceil(edge));
-        let (width, surface, inv_sigma) = (self.width, &self.surface, &self.inv_sigma);
+    /// Up to where, and from where on, a texel decides nothing.
+    #[inline(always)]
+    fn bounds_of_texels(&self, cutoff: f32) -> impl Fn(usize) -> Bounds + Sync {
+        let (surface, inv_sigma) = (&self.surface, &self.inv_sigma);
         let constant = if inv_sigma.len() == 1 { Some(cutoff / inv_sigma[0]) } else { None };
-        let texel = |i: usize, surface: f32| {
-            let reach = constant.unwrap_or_else(|| cutoff / inv_sigma[i]);
+        move |texel| {
+            let (surface, reach) = (surface[texel], constant.unwrap_or_else(|| cutoff / inv_sigma[texel]));
             if surface.is_nan() { Bounds::HOLE } else { Bounds([reach - surface, surface + reach, 0.0, 0.0]) }
-        };
-        self.cells.bounds.par_chunks_mut(self.cells.width).with_min_len(32).enumerate().for_each(|(b, cells)| {
+        }
+    }
+
+    fn bound_texels(&mut self, cutoff: f32, finest: usize) {
+        let (edge, width, height, mut cells) = (1 << finest, self.width, self.height, take(&mut self.cells));
+        cells.fit(width.div_ceil(edge), height.div_ceil(edge));
+        let bounds = self.bounds_of_texels(cutoff);
+        cells.bounds.par_chunks_mut(cells.width).with_min_len(32).enumerate().for_each(|(b, cells)| {
             cells.fill(Bounds::NONE);
-            for row in b * edge..((b + 1) * edge).min(surface.len() / width) {
-                let texels = surface[row * width..(row + 1) * width].chunks(edge);
-                for (a, (cell, texels)) in cells.iter_mut().zip(texels).enumerate() {
-                    for (i, &surface) in texels.iter().enumerate() {
-                        *cell = cell.union(texel(row * width + a * edge + i, surface));
+            for row in b * edge..((b + 1) * edge).min(height) {
+                for (a, cell) in cells.iter_mut().enumerate() {
+                    for column in a * edge..((a + 1) * edge).min(width) {
+                        *cell = cell.union(bounds(row * width + column));
                     }
                 }
             }
         });
-        self.finest = finest;
-        self.windows.resize_with(crate::pyramid::num_layers(self.width, self.height).max(finest + 1), Windows::default);
-        self.windows[finest].unite(&self.cells, 1);
-        for level in finest + 1..self.windows.len() {
-            let (finer, coarser) = self.windows.split_at_mut(level);
-            coarser[0].unite(&finer[level - 1], 2);
+        drop(bounds);
+        self.cells = cells;
+    }
+
+    /// Squares of 2 x 2 quads, which read 3 x 3 texels: of this layer those around the one that all four have in common. A
+    /// coordinate in the quads `a` and `a + 1` lies, in the next layer, in the quads `a / 2` and `a / 2 + 1`, rounded down:
+    /// what is read there are the texels around the one of `a / 2`.
+    fn bound_quads(&mut self, cutoff: f32, next: Option<&SurfaceLayer>) {
+        let (width, height, wraps) = (self.width, self.height, self.wraps);
+        // One texel more at the left, two at the right.
+        let (padded, mut rows) = (width + 3, take(&mut self.rows));
+        rows.resize(padded * height, Bounds::NONE);
+        let bounds = self.bounds_of_texels(cutoff);
+        rows.par_chunks_mut(padded).with_min_len(32).enumerate().for_each(|(b, row)| {
+            row[1..=width].iter_mut().enumerate().for_each(|(a, out)| *out = bounds(b * width + a));
+            (row[0], row[width + 1]) = if wraps { (row[width], row[1]) } else { (row[1], row[width]) };
+            row[width + 2] = if wraps { row[2] } else { row[width] };
+            for a in 0..=width {
+                row[a] = row[a].union(row[a + 1]).union(row[a + 2]);
+            }
+        });
+        drop(bounds);
+        let (cells, windows) = (&mut self.cells, &mut self.windows[0]);
+        cells.fit(width + 1, height + 1);
+        windows.fit(width + 1, height + 1);
+        let out = cells.bounds.par_chunks_mut(width + 1).zip(windows.bounds.par_chunks_mut(width + 1));
+        out.with_min_len(32).enumerate().for_each(|(b, (cells, windows))| {
+            let row = |b: usize| &rows[b * padded..b * padded + width + 1];
+            let threes = [row(b.saturating_sub(1)), row(b.min(height - 1)), row((b + 1).min(height - 1))];
+            for (a, cell) in cells.iter_mut().enumerate() {
+                *cell = threes[0][a].union(threes[1][a]).union(threes[2][a]);
+            }
+            match next {
+                Some(SurfaceLayer { cells: next, .. }) => {
+                    let next = &next.bounds[(b / 2) * next.width..][..next.width];
+                    let here = windows.iter_mut().zip(&*cells).enumerate();
+                    here.for_each(|(a, (window, cell))| *window = cell.union(next[a / 2].of_next()));
+                }
+                None => {
+                    let here = windows.iter_mut().zip(&*cells);
+                    here.for_each(|(window, cell)| *window = cell.union(Bounds::ABSENT));
+                }
+            }
+        });
+        self.rows = rows;
+    }
+
+    /// Bounds over what is read for voxels that are projected into a rectangle of the image, of which this layer's texels
+    /// are `scale` as many along a side; texels are read up to `reach` beyond the one that holds a point.
+    #[inline(always)]
+    pub fn rectangle(&self, scale: f32, columns: [f32; 2], rows: [f32; 2], reach: f32) -> Bounds {
+        let beyond = self.reading.beyond();
+        let cells = |[low, high]: [f32; 2]| (low * scale - 0.5 + beyond as f32, high * scale - 0.5 + reach);
+        let clamped = |range: [f32; 2], size: usize| {
+            let ((low, high), last) = (cells(range), (size - 1 + beyond) as f32);
+            (texel(low, last), texel(high, last))
+        };
+        let y = clamped(rows, self.height);
+        if self.wraps {
+            let (left, right) = cells(columns);
+            self.wrapped_bounds(left.floor() as i32, right.floor() as i32, y)
+        } else {
+            self.bounds(clamped(columns, self.width), y)
         }
     }
 
-    /// Bounds over texels `x.0..=x.1` by `y.0..=y.1`, all within the layer. The answer may take in neighbouring
-    /// texels: it reads the squares of a level at which few of them cover the rectangle.
+    /// Bounds over texels, or quads, `x.0..=x.1` by `y.0..=y.1`, all within the layer. The answer may take in neighbouring
+    /// ones: it reads the squares of a level at which few of them cover the rectangle.
     #[inline(always)]
-    pub fn bounds(&self, x: (u32, u32), y: (u32, u32)) -> Bounds {
+    fn bounds(&self, x: (u32, u32), y: (u32, u32)) -> Bounds {
         let extent = (x.1 - x.0).max(y.1 - y.0);
-        let level = (extent / CELLS_ACROSS).checked_ilog2().map_or(0, |log| log as usize + 1).max(self.finest);
+        let level = (extent / CELLS_ACROSS).checked_ilog2().map_or(0, |log| log as usize + 1).max(self.reading.finest());
         let Some(windows) = self.windows.get(level) else { return self.everywhere() };
         let (columns, rows) = (squares(x, level), squares(y, level));
         let mut bounds = Bounds::NONE;
@@ -186,8 +331,8 @@ impl SurfaceLayer {
     /// The same in an image whose last column's neighbour is the first, for columns `left..=right`, which may be beyond
     /// the border on one side.
     #[inline(always)]
-    pub fn wrapped_bounds(&self, left: i32, right: i32, rows: (u32, u32)) -> Bounds {
-        let (width, last) = (self.width as i32, self.width as i32 - 1);
+    fn wrapped_bounds(&self, left: i32, right: i32, rows: (u32, u32)) -> Bounds {
+        let (width, last) = (self.width as i32, (self.width - 1 + self.reading.beyond()) as i32);
         let columns = |low: i32, high: i32| self.bounds((low.clamp(0, last) as u32, high.clamp(0, last) as u32), rows);
         if left < 0 {
             columns(0, right).union(columns(left + width, last))
@@ -204,7 +349,8 @@ impl SurfaceLayer {
     }
 }
 
-/// Each texel's quad, and those of the texels beyond the upper and the left border.
+/// Puts texels beside each other that are read together. Beyond the border lies what lies at the border or, in an image that
+/// wraps, at the other end.
 fn gather(texels: &[f32], [width, height]: [usize; 2], wraps: bool, quads: &mut Vec<Quad>) {
     quads.resize((width + 1) * (height + 1), Quad::default());
     quads.par_chunks_mut(width + 1).with_min_len(32).enumerate().for_each(|(b, out)| {
@@ -263,7 +409,7 @@ mod tests {
     fn check_every_rectangle(layer: &Layer, model: &SensorModel, table: &SensorTable, finest: usize) {
         let (width, height, values) = (layer.width, layer.height, &layer.values);
         let mut surfaces = SurfaceLayer::default();
-        surfaces.compute(layer, model, table, finest);
+        surfaces.compute(layer, None, (model, table), Reading::Texels { finest }, false);
         let reach = table.cutoff() * 0.02;
         for (x0, x1) in (0..width).flat_map(|x0| (x0..width).map(move |x1| (x0, x1))) {
             for (y0, y1) in (0..height).flat_map(|y0| (y0..height).map(move |y1| (y0, y1))) {
@@ -276,7 +422,7 @@ mod tests {
                 for &range in exact.iter().filter(|&&range| range > 0.0) {
                     assert!(bounds.near() <= range - 0.999 * reach && bounds.far() >= range + 0.999 * reach);
                 }
-                assert!(bounds.has_holes() || exact.iter().all(|&range| range > 0.0));
+                assert!(bounds.has_holes(false) || exact.iter().all(|&range| range > 0.0));
                 let slack = (x1 - x0).max(y1 - y0).max((2 << finest) - 1);
                 let (right, lower) = ((x1 + slack).min(width - 1), (y1 + slack).min(height - 1));
                 let wider = texels(x0.saturating_sub(slack)..=right, y0.saturating_sub(slack)..=lower);

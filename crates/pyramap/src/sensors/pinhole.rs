@@ -57,6 +57,26 @@ impl Pinhole {
             in_front: inverse.greater(R::splat(0.0)),
         }
     }
+
+    #[inline(always)]
+    fn outlined<R: Real>(&self, cubes: &Eighths<Self>, centre: [R; 3], far: R) -> Outline<R> {
+        let ([x, y, z], depth, slack) = (centre, cubes.size.depth, R::splat(PIXEL_SLACK));
+        let [focal, principal] = [self.focal.map(R::splat), self.principal.map(R::splat)];
+        let inverse = R::splat(1.0) / z;
+        let u = x * inverse * focal[0] + principal[0];
+        let v = y * inverse * focal[1] + principal[1];
+        let du = spread(cubes, depth, 0, centre) * focal[0] + slack;
+        let dv = spread(cubes, depth, 1, centre) * focal[1] + slack;
+        // A cube that reaches behind the camera has no outline.
+        let bounded = (z - R::splat(depth)).greater(R::splat(1e-3));
+        let (mut in_sight, mut inside) = (z.greater(R::splat(-depth)), bounded);
+        for (side, &extent) in self.sides.iter().zip(&cubes.size.across_sides) {
+            let (within, reach) = (dot(side, &centre), R::splat(extent) + slack * far);
+            in_sight = in_sight & (within + reach).at_least(R::splat(0.0));
+            inside = inside & (within - reach).at_least(R::splat(0.0));
+        }
+        Outline { columns: [u - du, u + du], rows: [v - dv, v + dv], bounded, in_sight, inside }
+    }
 }
 
 /// How far from a centre's column (`across` 0) or row (1) the cube around it may project, in focal lengths.
@@ -64,10 +84,13 @@ impl Pinhole {
 /// For p' in the cube around p, x'/z' - x/z = ((x' - x) z - x (z' - z)) / (z' z). The numerator is linear in p', so that
 /// each of the cube's axes adds its own absolute value; z' is at least z less half the cube's depth.
 #[inline(always)]
-pub fn spread<P: Projection>(cubes: &Eighths<P>, depth: f32, across: usize, centre: [f32; 3]) -> f32 {
+pub fn spread<R: Real, P: Projection>(cubes: &Eighths<P>, depth: f32, across: usize, centre: [R; 3]) -> R {
     let (x, z) = (centre[across], centre[2]);
-    let reach: f32 = cubes.axes.iter().map(|axis| (axis[across] * z - x * axis[2]).abs()).sum();
-    cubes.projected * reach / ((z - depth) * z)
+    let mut reach = R::splat(0.0);
+    for axis in &cubes.axes {
+        reach = reach + (R::splat(axis[across]) * z - x * R::splat(axis[2])).abs();
+    }
+    R::splat(cubes.projected) * reach / ((z - R::splat(depth)) * z)
 }
 
 /// The pyramid of the rays through the corners of a rectangle in the plane z = 1, cut at z = `max_range`, holds every
@@ -137,21 +160,14 @@ impl Projection for Pinhole {
 
     #[inline(always)]
     fn outline(&self, cubes: &Eighths<Self>, centre: [f32; 3], far: f32) -> Outline {
-        let ([x, y, z], depth) = (centre, cubes.size.depth);
-        let inverse = 1.0 / z;
-        let u = x * inverse * self.focal[0] + self.principal[0];
-        let v = y * inverse * self.focal[1] + self.principal[1];
-        let du = spread(cubes, depth, 0, centre) * self.focal[0] + PIXEL_SLACK;
-        let dv = spread(cubes, depth, 1, centre) * self.focal[1] + PIXEL_SLACK;
-        // A cube that reaches behind the camera has no outline.
-        let bounded = z - depth > 1e-3;
-        let (mut in_sight, mut inside) = (z > -depth, bounded);
-        for (side, extent) in self.sides.iter().zip(&cubes.size.across_sides) {
-            let (within, reach) = (dot(side, &centre), extent + PIXEL_SLACK * far);
-            in_sight &= within + reach >= 0.0;
-            inside &= within - reach >= 0.0;
-        }
-        Outline { columns: [u - du, u + du], rows: [v - dv, v + dv], bounded, in_sight, inside }
+        self.outlined(cubes, centre, far)
+    }
+
+    #[inline(always)]
+    fn outline_eight<S: Simd>(&self, cubes: &Eighths<Self>, centres: &Points) -> ([S::Eight; 2], Outline<S::Eight>) {
+        let centres = [S::load(&centres.x), S::load(&centres.y), S::load(&centres.z)];
+        let ranges = cubes.distances(centres);
+        (ranges, self.outlined(cubes, centres, ranges[1]))
     }
 
     fn reach(&self, pose: &Pose, max_range: f64) -> [Vector3<f64>; 2] {

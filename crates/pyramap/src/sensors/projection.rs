@@ -7,7 +7,7 @@ use crate::cull::Eighths;
 use crate::pose::Pose;
 use crate::pyramid;
 use crate::simd::{Real, Simd};
-use crate::view::Points;
+use crate::view::{Lanes, Points};
 use nalgebra::Vector3;
 
 /// A projected point.
@@ -25,18 +25,18 @@ pub struct Projected<R: Real = f32> {
 
 /// Where a cube lies in the image. Bounds may be wide, and are never too tight.
 #[derive(Clone, Copy, Debug)]
-pub struct Outline {
+pub struct Outline<R: Real = f32> {
     /// First and last column, first and last row: between them lies the projection of all that is projected for the
     /// voxels of the cube. Only to be used where `bounded`; columns may lie beyond the image, or across its seam.
-    pub columns: [f32; 2],
+    pub columns: [R; 2],
     /// First and last row.
-    pub rows: [f32; 2],
+    pub rows: [R; 2],
     /// Whether all of the cube is in front of the sensor, so that it has an outline.
-    pub bounded: bool,
+    pub bounded: R::Mask,
     /// Whether some of the cube may be in the image.
-    pub in_sight: bool,
+    pub in_sight: R::Mask,
     /// Whether all of it is.
-    pub inside: bool,
+    pub inside: R::Mask,
 }
 
 /// The ray of a pixel in the sensor's frame: what the pixel measures lies on it, as far from its start as the reading says.
@@ -87,6 +87,30 @@ pub trait Projection: Clone + Sync {
     fn ranges(&self, cubes: &Eighths<Self>, centre: [f32; 3]) -> [f32; 2];
     /// Where the cube around a centre lies in the image; `far` is the greatest of its ranges.
     fn outline(&self, cubes: &Eighths<Self>, centre: [f32; 3], far: f32) -> Outline;
+    /// The ranges and outlines of the cubes around eight centres.
+    #[inline(always)]
+    fn outline_eight<S: Simd>(&self, cubes: &Eighths<Self>, centres: &Points) -> ([S::Eight; 2], Outline<S::Eight>) {
+        let [mut near, mut far, mut left, mut right, mut top, mut bottom] = [[0.0; 8]; 6];
+        let [mut bounded, mut in_sight, mut inside] = [[0.0; 8]; 3];
+        let flag = |is: bool| if is { 1.0 } else { 0.0 };
+        for n in 0..8 {
+            let centre = centres.lane(n);
+            [near[n], far[n]] = self.ranges(cubes, centre);
+            let outline = self.outline(cubes, centre, far[n]);
+            [left[n], right[n]] = outline.columns;
+            [top[n], bottom[n]] = outline.rows;
+            (bounded[n], in_sight[n], inside[n]) = (flag(outline.bounded), flag(outline.in_sight), flag(outline.inside));
+        }
+        let is = |flags: &Lanes| S::load(flags).greater(S::Eight::splat(0.0));
+        let outline = Outline {
+            columns: [S::load(&left), S::load(&right)],
+            rows: [S::load(&top), S::load(&bottom)],
+            bounded: is(&bounded),
+            in_sight: is(&in_sight),
+            inside: is(&inside),
+        };
+        ([S::load(&near), S::load(&far)], outline)
+    }
     /// Lowest and highest corner of a box, in the world, that holds all that is seen up to `max_range`.
     fn reach(&self, pose: &Pose, max_range: f64) -> [Vector3<f64>; 2];
 

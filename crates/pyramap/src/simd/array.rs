@@ -109,6 +109,11 @@ impl Simd for Portable {
     }
 
     #[inline(always)]
+    fn bits(mask: Eight<bool>) -> u32 {
+        (0..8).fold(0, |bits, n| bits | u32::from(mask.0[n]) << n)
+    }
+
+    #[inline(always)]
     unsafe fn store_whole(eight: Eight) -> [i32; 8] {
         unsafe { eight.whole() }
     }

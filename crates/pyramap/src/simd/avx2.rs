@@ -111,6 +111,11 @@ impl Simd for Avx2 {
     }
 
     #[inline(always)]
+    fn bits(mask: Mask) -> u32 {
+        (unsafe { _mm256_movemask_ps(mask.0) }) as u32
+    }
+
+    #[inline(always)]
     unsafe fn store_whole(eight: Eight) -> [i32; 8] {
         let mut lanes = [0; 8];
         unsafe { _mm256_storeu_si256(lanes.as_mut_ptr().cast(), _mm256_cvttps_epi32(eight.0)) };

@@ -1,6 +1,6 @@
 //! Vectors of sixteen lanes; those of eight are AVX2's.
 
-use super::avx2::{Avx2, Eight, two_quads};
+use super::avx2::{Avx2, Eight, Mask, two_quads};
 use super::{Places, Quad, Real, Simd};
 use crate::view::Lanes;
 use std::arch::x86_64::*;
@@ -93,6 +93,11 @@ impl Simd for Avx512 {
     #[inline(always)]
     fn most(eight: Eight) -> f32 {
         Avx2::most(eight)
+    }
+
+    #[inline(always)]
+    fn bits(mask: Mask) -> u32 {
+        Avx2::bits(mask)
     }
 
     #[inline(always)]

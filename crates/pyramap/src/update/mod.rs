@@ -19,7 +19,7 @@ use crate::pyramid::Selection;
 use crate::sensor::SensorTable;
 use crate::sensors::{Projected, Projection};
 use crate::simd::{Kernel, Real, Simd};
-use crate::surfaces::SurfaceLayer;
+use crate::surfaces::{Reading, SurfaceLayer};
 use crate::view::{Lanes, Points, View};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -62,17 +62,13 @@ impl UpdateRule {
         }
     }
 
-    /// Whether it reads between texels.
-    pub fn interpolates(self) -> bool {
-        matches!(self, UpdateRule::Pyramid | UpdateRule::MinLayer)
-    }
-
-    /// The finest cells over which bounds are worth their cost, as a power of two of texels: rules that read full
-    /// resolution ask for rectangles of many pixels.
-    pub fn finest_bounds(self) -> usize {
+    /// How this rule reads layers. Rules that read full resolution ask for rectangles of many pixels: finer cells are not worth
+    /// their cost.
+    pub fn reading(self) -> Reading {
         match self {
-            UpdateRule::Pyramid | UpdateRule::MinLayer => 0,
-            UpdateRule::Area | UpdateRule::Ideal | UpdateRule::Rays => 1,
+            UpdateRule::Pyramid => Reading::Quads { blended: true },
+            UpdateRule::MinLayer => Reading::Quads { blended: false },
+            UpdateRule::Area | UpdateRule::Ideal | UpdateRule::Rays => Reading::Texels { finest: 1 },
         }
     }
 }
@@ -215,13 +211,13 @@ fn update_eighths<S: Simd, R: Rule<P>, P: Projection>(
     let free = free_increment(frame.table);
     let centre = scope.view.to_camera(&scope.view.offset_of(key, 1));
     let quarters = layout.quarters.offsets.moved(centre);
-    for (q, class) in scope.classify(&layout.quarters, &quarters).into_iter().enumerate() {
+    for (q, class) in scope.classify::<S>(&layout.quarters, &quarters).into_iter().enumerate() {
         if class != Class::Mixed {
             (0..8).for_each(|p| store(out, q, p, [if class == Class::Free { free } else { 0 }; 8]));
             continue;
         }
         let pairs = layout.pairs.offsets.moved(quarters.lane(q));
-        for (p, class) in scope.classify(&layout.pairs, &pairs).into_iter().enumerate() {
+        for (p, class) in scope.classify::<S>(&layout.pairs, &pairs).into_iter().enumerate() {
             let values = match class {
                 Class::Skip => [0; 8],
                 Class::Free => [free; 8],

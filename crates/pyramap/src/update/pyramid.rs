@@ -21,9 +21,8 @@ impl Reads for Pyramid {
     #[inline(always)]
     fn layers(&self, near: f32, far: f32) -> LayersRead {
         let (first, last) = layers_between(self.t_0, self.count, near, far);
-        // Beyond t_0 layer 0 serves alone, within the last layer's distance the last: there is no other to fall back on.
-        let alone = far > self.t_0 || last == self.count - 1;
-        LayersRead { first, last: (last + 1).min(self.count - 1), fallback: !alone, certain: true }
+        // Beyond t_0 layer 0 serves alone.
+        LayersRead { first, last, fallback: far <= self.t_0, certain: true }
     }
 }
 
