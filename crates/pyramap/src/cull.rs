@@ -10,22 +10,31 @@
 #![allow(clippy::needless_range_loop, reason = "lanes of several arrays go together, by their number")]
 
 use crate::block::{BLOCK_EDGE, BlockKey};
-use crate::sensors::Projection;
+use crate::sensors::{Outline, Projection};
 use crate::simd::{Instructions, Kernel, Real, Simd};
 use crate::surfaces::{Bounds, SurfaceLayer};
-use crate::view::{Points, View};
+use crate::view::{Lanes, Points, View};
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
-/// What is known of a cube of voxels before any of them is asked.
+/// What is known of the eighths of a cube before any of their voxels is asked: a bit for each. Of the others no voxel
+/// changes: they are out of sight, hidden, or nothing was read there.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Class {
-    /// No voxel of it changes: out of sight, hidden, or nothing was read there.
-    Skip,
-    /// Every voxel of it gets the free log-odd.
-    Free,
+pub struct Classes {
+    /// Every voxel gets the free log-odd.
+    pub free: u32,
     /// Some voxels may differ.
-    Mixed,
+    pub mixed: u32,
+}
+
+/// The numbers of the bits that are set.
+#[inline(always)]
+pub fn bits_of(mut bits: u32) -> impl Iterator<Item = usize> {
+    std::iter::from_fn(move || {
+        let first = (bits != 0).then_some(bits.trailing_zeros() as usize);
+        bits &= bits.wrapping_sub(1);
+        first
+    })
 }
 
 /// The blocks of a frame that change.
@@ -143,62 +152,75 @@ pub struct Scope<'a, R, P> {
 impl<R: Reads, P: Projection> Scope<'_, R, P> {
     /// Classifies the eighths whose centres are given.
     #[inline(always)]
-    pub fn classify<S: Simd>(&self, eighths: &Eighths<P>, centres: &Points) -> [Class; 8] {
+    pub fn classify<S: Simd>(&self, eighths: &Eighths<P>, centres: &Points) -> Classes {
         let ([near, far], outline) = self.view.projection.outline_eight::<S>(eighths, centres);
         let max_range = S::Eight::splat(self.view.max_range);
-        let in_sight = S::bits(outline.in_sight & max_range.at_least(near));
-        let inside = S::bits(outline.inside & max_range.at_least(far));
-        let bounded = if self.enabled { S::bits(outline.bounded) } else { 0 };
-        // Farther than max_range no voxel is asked, and the layers that would serve there are not made.
-        let (near, far, farthest) = (S::store(near), S::store(far), S::store(far.min(max_range)));
-        let ([left, right], [top, bottom]) = (outline.columns.map(S::store), outline.rows.map(S::store));
-        let mut classes = [Class::Skip; 8];
-        for n in 0..8 {
-            if in_sight >> n & 1 == 0 {
-                continue;
-            }
-            classes[n] = Class::Mixed;
-            if bounded >> n & 1 != 0 {
-                let found = self.bounds(near[n], farthest[n], [left[n], right[n]], [top[n], bottom[n]]);
-                let Some((bounds, gapless)) = found else { continue };
-                if near[n] > bounds.far() {
-                    classes[n] = Class::Skip;
-                } else if inside >> n & 1 != 0 && gapless && far[n] < bounds.near() {
-                    classes[n] = Class::Free;
-                }
-            }
+        let in_sight = outline.in_sight & max_range.at_least(near);
+        let bits = S::bits(in_sight);
+        if bits == 0 || !self.enabled {
+            return Classes { free: 0, mixed: bits };
         }
-        classes
+        // Farther than max_range no voxel is asked, and the layers that would serve there are not made.
+        let Some(found) = self.bounds::<S>(near, far.min(max_range), &outline) else {
+            return Classes { free: 0, mixed: bits };
+        };
+        let hidden = in_sight & outline.bounded & near.greater(S::load(&found.hidden_beyond));
+        let inside = in_sight & outline.bounded & outline.inside & max_range.at_least(far);
+        let free = inside & S::load(&found.free_within).greater(far);
+        let free = S::bits(free) & !S::bits(hidden);
+        Classes { free, mixed: bits & !S::bits(hidden) & !free }
     }
 
-    /// Bounds over the texels that are read for voxels at distances `near..=far` which are projected into a rectangle of
-    /// the image, and whether every voxel is sure to find a valid texel; `None` if these are too many layers.
+    /// Bounds over the texels that are read for voxels at distances `near..=far` which are projected into outlines; `None` if
+    /// these are too many layers.
     #[inline(always)]
-    fn bounds(&self, near: f32, far: f32, columns: [f32; 2], rows: [f32; 2]) -> Option<(Bounds, bool)> {
+    fn bounds<S: Simd>(&self, near: S::Eight, far: S::Eight, outline: &Outline<S::Eight>) -> Option<Found> {
         let apparent = |range| self.view.projection.apparent_distance(range);
-        let read = self.rule.layers(apparent(near), apparent(far));
+        let read = self.rule.layers(apparent(S::least(near)), apparent(S::most(far)));
         if read.last - read.first >= MAX_LAYERS {
             return None;
         }
-        let (mut all, mut gapless) = (Bounds::NONE, read.certain);
+        let (near, far) = (S::store(near), S::store(far));
+        let (mut all, mut gapless) = ([Bounds::NONE; 8], [read.certain; 8]);
+        let mut found = Found { hidden_beyond: [0.0; 8], free_within: [0.0; 8] };
         for i in read.first..=read.last {
             let layer = &self.layers[i];
-            let bounds = layer.rectangle(1.0 / (1u32 << i) as f32, columns, rows, R::REACH);
-            gapless &= !bounds.has_holes(read.fallback);
-            all = all.union(bounds);
+            let cells = layer.cells::<S>(1.0 / (1u32 << i) as f32, outline.columns, outline.rows, R::REACH);
+            for n in 0..8 {
+                // Which of several layers each reads: seldom asked, since neighbours mostly read the same.
+                let one = read.first == read.last;
+                let each = if one { read } else { self.rule.layers(apparent(near[n]), apparent(far[n])) };
+                if each.first <= i && i <= each.last {
+                    let bounds = layer.bounds(&cells, n);
+                    gapless[n] &= !bounds.has_holes(each.fallback) & each.certain;
+                    all[n] = all[n].union(bounds);
+                }
+            }
         }
-        Some((all, gapless))
+        for n in 0..8 {
+            found.hidden_beyond[n] = all[n].far();
+            found.free_within[n] = if gapless[n] { all[n].near() } else { f32::NEG_INFINITY };
+        }
+        Some(found)
     }
+}
+
+/// What bounds say of each of eight cubes.
+struct Found {
+    /// All of it is hidden if it lies farther off.
+    hidden_beyond: Lanes,
+    /// All of it is free if it lies nearer.
+    free_within: Lanes,
 }
 
 /// [`Scope::classify`] by itself.
 struct Classify<'a, R, P: Projection>(&'a Scope<'a, R, P>, &'a Eighths<P>, Points);
 
 impl<R: Reads, P: Projection> Kernel for Classify<'_, R, P> {
-    type Output = [Class; 8];
+    type Output = Classes;
 
     #[inline(always)]
-    fn run<S: Simd>(self) -> [Class; 8] {
+    fn run<S: Simd>(self) -> Classes {
         self.0.classify::<S>(self.1, &self.2)
     }
 }
@@ -258,14 +280,14 @@ fn descend<R: Reads, P: Projection>(scope: &Scope<R, P>, sizes: &[Eighths<P>], k
     let (eighths, smaller) = sizes.split_last().expect("a cube of two blocks' edge is the smallest that is split");
     let half = 1 << smaller.len();
     let centre = scope.view.to_camera(&scope.view.offset_of(key, 2 * half));
-    let classes = scope.instructions.run(Classify(scope, eighths, eighths.offsets.moved(centre)));
-    for (n, class) in classes.into_iter().enumerate() {
-        let child = std::array::from_fn(|axis| key[axis] + side(n, axis) as i32 * half);
-        match class {
-            Class::Skip => {}
-            Class::Free => culled.free.extend(blocks_of(child, half)),
-            Class::Mixed if half == 1 => culled.mixed.push(child),
-            Class::Mixed => descend(scope, smaller, child, culled),
+    let Classes { free, mixed } = scope.instructions.run(Classify(scope, eighths, eighths.offsets.moved(centre)));
+    let child = |n: usize| std::array::from_fn(|axis| key[axis] + side(n, axis) as i32 * half);
+    bits_of(free).for_each(|n| culled.free.extend(blocks_of(child(n), half)));
+    for child in bits_of(mixed).map(child) {
+        if half == 1 {
+            culled.mixed.push(child);
+        } else {
+            descend(scope, smaller, child, culled);
         }
     }
 }

@@ -5,7 +5,7 @@
 
 use crate::pyramid::{Layer, num_layers};
 use crate::sensor::{SensorModel, SensorTable};
-use crate::simd::Quad;
+use crate::simd::{Quad, Real, Simd};
 use rayon::prelude::*;
 use std::mem::take;
 use std::ops::Range;
@@ -137,6 +137,23 @@ pub fn texel(x: f32, last: f32) -> u32 {
     let x = if x < last { x } else { last };
     // SAFETY: between 0 and `last`, which is a size in texels. Cut off, for a number that is not negative, is rounded down.
     unsafe { x.to_int_unchecked() }
+}
+
+/// More columns than any layer has.
+const ANY_COLUMN: f32 = 1e6;
+
+/// Rectangles of cells: first and last column and row of each.
+pub struct Cells {
+    columns: [[i32; 8]; 2],
+    rows: [[i32; 8]; 2],
+}
+
+/// The cells of eight coordinates, within some range of cells; NaN is in the first.
+#[inline(always)]
+fn cell<S: Simd>(coordinate: S::Eight, scale: f32, offset: f32, [first, last]: [f32; 2]) -> [i32; 8] {
+    let cell = (coordinate * S::Eight::splat(scale) + S::Eight::splat(offset)).floor();
+    // SAFETY: whole, and in range of `i32`.
+    unsafe { S::store_whole(cell.max(S::Eight::splat(first)).min(S::Eight::splat(last))) }
 }
 
 /// Rectangles are read as at most so many cells along a side, and one more where they do not begin with a cell: fewer
@@ -292,29 +309,44 @@ impl SurfaceLayer {
         self.rows = rows;
     }
 
-    /// Bounds over what is read for voxels that are projected into a rectangle of the image, of which this layer's texels
-    /// are `scale` as many along a side; texels are read up to `reach` beyond the one that holds a point.
+    /// The cells that are read for voxels which are projected into rectangles of the image, of which this layer's texels are
+    /// `scale` as many along a side; texels are read up to `reach` beyond the one that holds a point.
     #[inline(always)]
-    pub fn rectangle(&self, scale: f32, columns: [f32; 2], rows: [f32; 2], reach: f32) -> Bounds {
+    pub fn cells<S: Simd>(&self, scale: f32, columns: [S::Eight; 2], rows: [S::Eight; 2], reach: f32) -> Cells {
         let beyond = self.reading.beyond();
-        let cells = |[low, high]: [f32; 2]| (low * scale - 0.5 + beyond as f32, high * scale - 0.5 + reach);
-        let clamped = |range: [f32; 2], size: usize| {
-            let ((low, high), last) = (cells(range), (size - 1 + beyond) as f32);
-            (texel(low, last), texel(high, last))
-        };
-        let y = clamped(rows, self.height);
-        if self.wraps {
-            let (left, right) = cells(columns);
-            self.wrapped_bounds(left.floor() as i32, right.floor() as i32, y)
-        } else {
-            self.bounds(clamped(columns, self.width), y)
+        let (first, last) = (beyond as f32 - 0.5, reach - 0.5);
+        let [width, height] = [self.width, self.height].map(|size| (size - 1 + beyond) as f32);
+        let across = if self.wraps { [-ANY_COLUMN, ANY_COLUMN] } else { [0.0, width] };
+        Cells {
+            columns: [cell::<S>(columns[0], scale, first, across), cell::<S>(columns[1], scale, last, across)],
+            rows: [cell::<S>(rows[0], scale, first, [0.0, height]), cell::<S>(rows[1], scale, last, [0.0, height])],
         }
     }
 
-    /// Bounds over texels, or quads, `x.0..=x.1` by `y.0..=y.1`, all within the layer. The answer may take in neighbouring
-    /// ones: it reads the squares of a level at which few of them cover the rectangle.
+    /// Bounds over cells, and maybe over neighbouring ones: read are squares of a level at which few of them cover the
+    /// rectangle.
     #[inline(always)]
-    fn bounds(&self, x: (u32, u32), y: (u32, u32)) -> Bounds {
+    pub fn bounds(&self, cells: &Cells, n: usize) -> Bounds {
+        let ([left, right], [top, bottom]) = (cells.columns, cells.rows);
+        let (left, right, rows) = (left[n], right[n], (top[n] as u32, bottom[n] as u32));
+        if !self.wraps {
+            return self.rectangle((left as u32, right as u32), rows);
+        }
+        let (width, last) = (self.width as i32, (self.width - 1 + self.reading.beyond()) as i32);
+        let within =
+            |low: i32, high: i32| self.rectangle((low.clamp(0, last) as u32, high.clamp(0, last) as u32), rows);
+        if left < 0 {
+            within(0, right).union(within(left + width, last))
+        } else if right > last {
+            within(left, last).union(within(0, right - width))
+        } else {
+            within(left, right)
+        }
+    }
+
+    /// Bounds over cells `x.0..=x.1` by `y.0..=y.1`, all within the layer.
+    #[inline(always)]
+    fn rectangle(&self, x: (u32, u32), y: (u32, u32)) -> Bounds {
         let extent = (x.1 - x.0).max(y.1 - y.0);
         let level = (extent / CELLS_ACROSS).checked_ilog2().map_or(0, |log| log as usize + 1).max(self.reading.finest());
         let Some(windows) = self.windows.get(level) else { return self.everywhere() };
@@ -326,21 +358,6 @@ impl SurfaceLayer {
             }
         }
         bounds
-    }
-
-    /// The same in an image whose last column's neighbour is the first, for columns `left..=right`, which may be beyond
-    /// the border on one side.
-    #[inline(always)]
-    fn wrapped_bounds(&self, left: i32, right: i32, rows: (u32, u32)) -> Bounds {
-        let (width, last) = (self.width as i32, (self.width - 1 + self.reading.beyond()) as i32);
-        let columns = |low: i32, high: i32| self.bounds((low.clamp(0, last) as u32, high.clamp(0, last) as u32), rows);
-        if left < 0 {
-            columns(0, right).union(columns(left + width, last))
-        } else if right > last {
-            columns(left, last).union(columns(0, right - width))
-        } else {
-            columns(left, right)
-        }
     }
 
     fn everywhere(&self) -> Bounds {
@@ -413,7 +430,7 @@ mod tests {
         let reach = table.cutoff() * 0.02;
         for (x0, x1) in (0..width).flat_map(|x0| (x0..width).map(move |x1| (x0, x1))) {
             for (y0, y1) in (0..height).flat_map(|y0| (y0..height).map(move |y1| (y0, y1))) {
-                let bounds = surfaces.bounds((x0 as u32, x1 as u32), (y0 as u32, y1 as u32));
+                let bounds = surfaces.rectangle((x0 as u32, x1 as u32), (y0 as u32, y1 as u32));
                 let texels = |x: std::ops::RangeInclusive<usize>, y: std::ops::RangeInclusive<usize>| {
                     let inside = y.flat_map(move |y| x.clone().map(move |x| (x, y)));
                     inside.map(|(x, y)| values[y * width + x]).collect::<Vec<_>>()

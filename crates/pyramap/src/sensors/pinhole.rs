@@ -61,7 +61,8 @@ impl Pinhole {
     #[inline(always)]
     fn outlined<R: Real>(&self, cubes: &Eighths<Self>, centre: [R; 3], far: R) -> Outline<R> {
         let ([x, y, z], depth, slack) = (centre, cubes.size.depth, R::splat(PIXEL_SLACK));
-        let [focal, principal] = [self.focal.map(R::splat), self.principal.map(R::splat)];
+        let focal = [R::splat(self.focal[0]), R::splat(self.focal[1])];
+        let principal = [R::splat(self.principal[0]), R::splat(self.principal[1])];
         let inverse = R::splat(1.0) / z;
         let u = x * inverse * focal[0] + principal[0];
         let v = y * inverse * focal[1] + principal[1];

@@ -13,7 +13,7 @@ pub mod pyramid;
 pub mod rays;
 
 use crate::block::{BLOCK_EDGE, BLOCK_VOXELS, BlockData, BlockKey, voxel_offset};
-use crate::cull::{Class, Eighths, Reads, Scope, side};
+use crate::cull::{Eighths, Reads, Scope, bits_of, side};
 use crate::log_odds::{self, STEPS};
 use crate::pyramid::Selection;
 use crate::sensor::SensorTable;
@@ -211,19 +211,18 @@ fn update_eighths<S: Simd, R: Rule<P>, P: Projection>(
     let free = free_increment(frame.table);
     let centre = scope.view.to_camera(&scope.view.offset_of(key, 1));
     let quarters = layout.quarters.offsets.moved(centre);
-    for (q, class) in scope.classify::<S>(&layout.quarters, &quarters).into_iter().enumerate() {
-        if class != Class::Mixed {
-            (0..8).for_each(|p| store(out, q, p, [if class == Class::Free { free } else { 0 }; 8]));
-            continue;
-        }
+    let classes = scope.classify::<S>(&layout.quarters, &quarters);
+    out.fill(0);
+    for q in bits_of(classes.free) {
+        (0..8).for_each(|p| store(out, q, p, [free; 8]));
+    }
+    for q in bits_of(classes.mixed) {
         let pairs = layout.pairs.offsets.moved(quarters.lane(q));
-        for (p, class) in scope.classify::<S>(&layout.pairs, &pairs).into_iter().enumerate() {
-            let values = match class {
-                Class::Skip => [0; 8],
-                Class::Free => [free; 8],
-                Class::Mixed => update_lanes::<S, R, P>(scope, frame, &layout.voxels.offsets.moved(pairs.lane(p))),
-            };
-            store(out, q, p, values);
+        let classes = scope.classify::<S>(&layout.pairs, &pairs);
+        bits_of(classes.free).for_each(|p| store(out, q, p, [free; 8]));
+        for p in bits_of(classes.mixed) {
+            let voxels = layout.voxels.offsets.moved(pairs.lane(p));
+            store(out, q, p, update_lanes::<S, R, P>(scope, frame, &voxels));
         }
     }
 }
@@ -320,7 +319,7 @@ fn of_voxels<S: Simd>(lanes: &Lanes) -> S::Sixteen {
 /// A number for each layer.
 #[inline(always)]
 fn of_layers<S: Simd>(numbers: [f32; 2]) -> S::Sixteen {
-    S::join(numbers.map(S::Eight::splat))
+    S::join([S::Eight::splat(numbers[0]), S::Eight::splat(numbers[1])])
 }
 
 /// The quad along one axis in which each coordinate lies, clamped to those of a layer of `size` texels, and the weight of
