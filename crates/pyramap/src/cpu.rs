@@ -114,8 +114,8 @@ impl CpuBackend {
         let wanted = config.update.layers(view, count);
         self.pyramid.compute(&self.ranges, view.t_0, config.update.selection::<P>(), wanted.clone());
         let (model, table) = &self.models[0];
-        let (reading, wraps) = (config.update.reading(), view.projection.wraps());
-        surfaces::compute(&mut self.surfaces, &self.pyramid.layers, wanted, (model, table), reading, wraps);
+        let (sampling, wraps) = (config.update.sampling(), view.projection.wraps());
+        surfaces::compute(&mut self.surfaces, &self.pyramid.layers, wanted, (model, table), sampling, wraps);
     }
 
     /// The blocks that the frame changes.

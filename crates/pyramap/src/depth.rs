@@ -2,6 +2,7 @@
 
 use crate::error::{Error, Result};
 use crate::sensor::SensorModel;
+use std::ops::Range;
 
 /// The pixels of a depth image, row by row.
 ///
@@ -126,7 +127,16 @@ impl<'a> DepthImage<'a> {
     }
 }
 
-impl Depth<'_> {
+impl<'a> Depth<'a> {
+    /// Some of the pixels.
+    pub(crate) fn part(&self, pixels: Range<usize>) -> Depth<'a> {
+        match *self {
+            Depth::F32(values) => Depth::F32(&values[pixels]),
+            Depth::F64(values) => Depth::F64(&values[pixels]),
+            Depth::U16 { values, scale } => Depth::U16 { values: &values[pixels], scale },
+        }
+    }
+
     /// The depth of a pixel, metres.
     #[inline]
     pub(crate) fn metres(&self, pixel: usize) -> f32 {

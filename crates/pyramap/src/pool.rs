@@ -5,6 +5,7 @@
 use crate::backend::{Addition, Committed, Source};
 use crate::block::{BLOCK_VOXELS, Block, BlockData, NarrowBlockData};
 use crate::log_odds::Limits;
+use crate::simd::{Instructions, Kernel, Simd};
 use rayon::prelude::*;
 use std::mem::{size_of, take};
 
@@ -114,18 +115,7 @@ impl Pool {
         taken
             .par_iter_mut()
             .with_min_len(16)
-            .map(|(voxels, addition)| {
-                if let Some(base) = addition.base {
-                    voxels.fill(base);
-                }
-                match addition.source {
-                    Source::Uniform(increment) => voxels.add(|_| increment * sign, limits),
-                    Source::Mixed(n) => {
-                        let increments = &mixed[n];
-                        voxels.add(|i| increments[i] * sign, limits)
-                    }
-                }
-            })
+            .map(|(voxels, addition)| Instructions::widest().run(Add { voxels, addition, mixed, sign, limits }))
             .collect_into_vec(&mut results);
         for (addition, (voxels, _)) in additions.iter().zip(taken.drain(..)) {
             self.put(addition.slot, voxels);
@@ -156,6 +146,34 @@ impl Pool {
         match voxels {
             Voxels::Narrow(_) => &mut self.num_narrow,
             Voxels::Wide(_) => &mut self.num_wide,
+        }
+    }
+}
+
+/// An addition to one block.
+struct Add<'a> {
+    voxels: &'a mut Voxels,
+    addition: &'a Addition,
+    mixed: &'a [BlockData],
+    sign: i32,
+    limits: Limits,
+}
+
+impl Kernel for Add<'_> {
+    type Output = Added;
+
+    #[inline(always)]
+    fn run<S: Simd>(self) -> Added {
+        let Self { voxels, addition, mixed, sign, limits } = self;
+        if let Some(base) = addition.base {
+            voxels.fill(base);
+        }
+        match addition.source {
+            Source::Uniform(increment) => voxels.add(|_| increment * sign, limits),
+            Source::Mixed(n) => {
+                let increments = &mixed[n];
+                voxels.add(|i| increments[i] * sign, limits)
+            }
         }
     }
 }

@@ -3,6 +3,7 @@
 use crate::depth::{Depth, DepthImage, Reading};
 use crate::error::{Error, Result};
 use crate::sensors::Sensor;
+use crate::simd::{Instructions, Kernel, Simd};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -63,25 +64,11 @@ impl Ranges {
     ) -> Result<()> {
         check(image, sensor, max_range, beyond)?;
         self.fit(sensor, image.reading);
-        let measured = |depth, per_depth| range(depth, per_depth, max_range as f32, beyond.value());
-        let width = self.width;
+        let (width, max_range, beyond) = (self.width, max_range as f32, beyond.value());
         let rows = self.values.par_chunks_mut(width).zip(self.range_per_reading.par_chunks(width)).enumerate();
         rows.with_min_len(16).for_each(|(row, (out, range_per_reading))| {
-            let pixels = row * width..(row + 1) * width;
-            let lanes = out.iter_mut().zip(range_per_reading);
-            match image.depth {
-                Depth::F32(values) => {
-                    lanes.zip(&values[pixels]).for_each(|((out, &per), &depth)| *out = measured(depth, per));
-                }
-                Depth::F64(values) => {
-                    lanes.zip(&values[pixels]).for_each(|((out, &per), &depth)| *out = measured(depth as f32, per));
-                }
-                Depth::U16 { values, scale } => {
-                    let scale = scale as f32;
-                    let metres = |raw| f32::from(raw) / scale;
-                    lanes.zip(&values[pixels]).for_each(|((out, &per), &raw)| *out = measured(metres(raw), per));
-                }
-            }
+            let depth = image.depth.part(row * width..(row + 1) * width);
+            Instructions::widest().run(Row { depth, range_per_reading, max_range, beyond, out });
         });
         self.align_rows(sensor);
         Ok(())
@@ -107,6 +94,34 @@ impl Ranges {
             let (columns, _) = sensor.shift(row);
             values.rotate_right(columns.rem_euclid(width as isize) as usize);
         });
+    }
+}
+
+/// The ranges of one row.
+struct Row<'a> {
+    depth: Depth<'a>,
+    range_per_reading: &'a [f32],
+    max_range: f32,
+    beyond: f32,
+    out: &'a mut [f32],
+}
+
+impl Kernel for Row<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Simd>(self) {
+        let measured = |depth, per_depth| range(depth, per_depth, self.max_range, self.beyond);
+        let lanes = self.out.iter_mut().zip(self.range_per_reading);
+        match self.depth {
+            Depth::F32(values) => lanes.zip(values).for_each(|((out, &per), &depth)| *out = measured(depth, per)),
+            Depth::F64(values) => lanes.zip(values).for_each(|((out, &per), &depth)| *out = measured(depth as f32, per)),
+            Depth::U16 { values, scale } => {
+                let scale = scale as f32;
+                let metres = |raw| f32::from(raw) / scale;
+                lanes.zip(values).for_each(|((out, &per), &raw)| *out = measured(metres(raw), per));
+            }
+        }
     }
 }
 

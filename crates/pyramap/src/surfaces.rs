@@ -3,11 +3,13 @@
 //! The bounds answer, for a rectangle of texels, from which distance on something is not free any more (`near`), up to
 //! which distance something is not hidden yet (`far`), and whether a texel is a hole. They are what the cull asks.
 
+mod quads;
+
 use crate::pyramid::{Layer, num_layers};
 use crate::sensor::{SensorModel, SensorTable};
 use crate::simd::{Quad, Real, Simd};
+use quads::{Planes, gather};
 use rayon::prelude::*;
-use std::mem::take;
 use std::ops::Range;
 
 /// One layer, ready to be asked for log-odds.
@@ -26,17 +28,19 @@ pub struct SurfaceLayer {
     pub quads: [Vec<Quad>; 2],
     /// Whether the last column's neighbour is the first.
     wraps: bool,
-    reading: Reading,
-    /// Each row's texels, or what is found in threes of them.
-    rows: Vec<Bounds>,
+    sampling: Sampling,
+    /// Bounds over single cells, of rules that read texels.
     cells: Windows,
+    /// Of rules that interpolate: over threes of texels in a row, and over 3 x 3.
+    threes: Planes,
+    squares: Planes,
     /// Bounds over every square of 2 x 2 cells, by the power of two of texels, or of quads, in a cell.
     windows: Vec<Windows>,
 }
 
 /// How an update rule reads layers: what the cells are of which there are bounds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Reading {
+pub enum Sampling {
     /// Texel by texel; a cell is a square of `2^finest` of them.
     Texels {
         /// A power of two.
@@ -49,23 +53,23 @@ pub enum Reading {
     },
 }
 
-impl Default for Reading {
+impl Default for Sampling {
     fn default() -> Self {
-        Reading::Texels { finest: 0 }
+        Sampling::Texels { finest: 0 }
     }
 }
 
-impl Reading {
+impl Sampling {
     fn finest(self) -> usize {
         match self {
-            Reading::Texels { finest } => finest,
-            Reading::Quads { .. } => 0,
+            Sampling::Texels { finest } => finest,
+            Sampling::Quads { .. } => 0,
         }
     }
 
     /// How many quads there are along a side beyond the number of texels.
     fn beyond(self) -> usize {
-        usize::from(matches!(self, Reading::Quads { .. }))
+        usize::from(matches!(self, Sampling::Quads { .. }))
     }
 }
 
@@ -75,13 +79,13 @@ pub fn compute(
     layers: &[Layer],
     wanted: Range<usize>,
     (model, table): (&SensorModel, &SensorTable),
-    reading: Reading,
+    sampling: Sampling,
     wraps: bool,
 ) {
     surfaces.resize_with(layers.len(), SurfaceLayer::default);
     for i in wanted.rev() {
         let (finer, coarser) = surfaces.split_at_mut(i + 1);
-        finer[i].compute(&layers[i], coarser.first(), (model, table), reading, wraps);
+        finer[i].compute(&layers[i], coarser.first(), (model, table), sampling, wraps);
     }
 }
 
@@ -117,10 +121,10 @@ impl Bounds {
         (self.0[2] > 0.0) & (!fallback | (self.0[3] > 0.0))
     }
 
-    /// What was found in a layer as the one before it sees it.
+    /// Up to where, and from where on, a texel decides nothing.
     #[inline(always)]
-    fn of_next(self) -> Self {
-        Self([self.0[0], self.0[1], 0.0, self.0[2]])
+    fn of_texel(surface: f32, reach: f32) -> Self {
+        if surface.is_nan() { Self::HOLE } else { Self([reach - surface, surface + reach, 0.0, 0.0]) }
     }
 
     /// The bounds of two sets of texels together.
@@ -184,23 +188,23 @@ impl SurfaceLayer {
         layer: &Layer,
         next: Option<&SurfaceLayer>,
         (model, table): (&SensorModel, &SensorTable),
-        reading: Reading,
+        sampling: Sampling,
         wraps: bool,
     ) {
-        (self.width, self.height, self.reading, self.wraps) = (layer.width, layer.height, reading, wraps);
+        (self.width, self.height, self.sampling, self.wraps) = (layer.width, layer.height, sampling, wraps);
         self.place_surfaces(layer, model);
-        self.windows.resize_with(num_layers(self.width, self.height).max(reading.finest() + 1), Windows::default);
-        match reading {
-            Reading::Texels { finest } => {
+        self.windows.resize_with(num_layers(self.width, self.height).max(sampling.finest() + 1), Windows::default);
+        match sampling {
+            Sampling::Texels { finest } => {
                 self.bound_texels(table.cutoff(), finest);
                 self.windows[finest].unite(&self.cells, 1);
             }
-            Reading::Quads { blended } => {
+            Sampling::Quads { blended } => {
                 self.gather_quads();
                 self.bound_quads(table.cutoff(), next.filter(|_| blended));
             }
         }
-        for level in reading.finest() + 1..self.windows.len() {
+        for level in sampling.finest() + 1..self.windows.len() {
             let (finer, coarser) = self.windows.split_at_mut(level);
             coarser[0].unite(&finer[level - 1], 2);
         }
@@ -213,7 +217,7 @@ impl SurfaceLayer {
             self.inv_sigma.clear();
             self.inv_sigma.push((1.0 / model.sigma_at(0.0)) as f32);
             let offset = model.surface(0.0) as f32;
-            let texels = self.surface.iter_mut().zip(&layer.values);
+            let texels = self.surface.par_iter_mut().zip(&layer.values).with_min_len(4096);
             texels.for_each(|(out, &range)| *out = placed(range, range + offset));
         } else {
             self.inv_sigma.resize(layer.values.len(), 0.0);
@@ -237,83 +241,30 @@ impl SurfaceLayer {
         }
     }
 
-    /// Up to where, and from where on, a texel decides nothing.
-    #[inline(always)]
-    fn bounds_of_texels(&self, cutoff: f32) -> impl Fn(usize) -> Bounds + Sync {
-        let (surface, inv_sigma) = (&self.surface, &self.inv_sigma);
-        let constant = if inv_sigma.len() == 1 { Some(cutoff / inv_sigma[0]) } else { None };
-        move |texel| {
-            let (surface, reach) = (surface[texel], constant.unwrap_or_else(|| cutoff / inv_sigma[texel]));
-            if surface.is_nan() { Bounds::HOLE } else { Bounds([reach - surface, surface + reach, 0.0, 0.0]) }
-        }
-    }
-
     fn bound_texels(&mut self, cutoff: f32, finest: usize) {
-        let (edge, width, height, mut cells) = (1 << finest, self.width, self.height, take(&mut self.cells));
+        let Self { width, height, surface, inv_sigma, cells, .. } = self;
+        let (edge, width, height) = (1 << finest, *width, *height);
         cells.fit(width.div_ceil(edge), height.div_ceil(edge));
-        let bounds = self.bounds_of_texels(cutoff);
+        let constant = if inv_sigma.len() == 1 { Some(cutoff / inv_sigma[0]) } else { None };
+        let reach = |texel: usize| constant.unwrap_or_else(|| cutoff / inv_sigma[texel]);
         cells.bounds.par_chunks_mut(cells.width).with_min_len(32).enumerate().for_each(|(b, cells)| {
             cells.fill(Bounds::NONE);
             for row in b * edge..((b + 1) * edge).min(height) {
                 for (a, cell) in cells.iter_mut().enumerate() {
                     for column in a * edge..((a + 1) * edge).min(width) {
-                        *cell = cell.union(bounds(row * width + column));
+                        let texel = row * width + column;
+                        *cell = cell.union(Bounds::of_texel(surface[texel], reach(texel)));
                     }
                 }
             }
         });
-        drop(bounds);
-        self.cells = cells;
-    }
-
-    /// Squares of 2 x 2 quads, which read 3 x 3 texels: of this layer those around the one that all four have in common. A
-    /// coordinate in the quads `a` and `a + 1` lies, in the next layer, in the quads `a / 2` and `a / 2 + 1`, rounded down:
-    /// what is read there are the texels around the one of `a / 2`.
-    fn bound_quads(&mut self, cutoff: f32, next: Option<&SurfaceLayer>) {
-        let (width, height, wraps) = (self.width, self.height, self.wraps);
-        // One texel more at the left, two at the right.
-        let (padded, mut rows) = (width + 3, take(&mut self.rows));
-        rows.resize(padded * height, Bounds::NONE);
-        let bounds = self.bounds_of_texels(cutoff);
-        rows.par_chunks_mut(padded).with_min_len(32).enumerate().for_each(|(b, row)| {
-            row[1..=width].iter_mut().enumerate().for_each(|(a, out)| *out = bounds(b * width + a));
-            (row[0], row[width + 1]) = if wraps { (row[width], row[1]) } else { (row[1], row[width]) };
-            row[width + 2] = if wraps { row[2] } else { row[width] };
-            for a in 0..=width {
-                row[a] = row[a].union(row[a + 1]).union(row[a + 2]);
-            }
-        });
-        drop(bounds);
-        let (cells, windows) = (&mut self.cells, &mut self.windows[0]);
-        cells.fit(width + 1, height + 1);
-        windows.fit(width + 1, height + 1);
-        let out = cells.bounds.par_chunks_mut(width + 1).zip(windows.bounds.par_chunks_mut(width + 1));
-        out.with_min_len(32).enumerate().for_each(|(b, (cells, windows))| {
-            let row = |b: usize| &rows[b * padded..b * padded + width + 1];
-            let threes = [row(b.saturating_sub(1)), row(b.min(height - 1)), row((b + 1).min(height - 1))];
-            for (a, cell) in cells.iter_mut().enumerate() {
-                *cell = threes[0][a].union(threes[1][a]).union(threes[2][a]);
-            }
-            match next {
-                Some(SurfaceLayer { cells: next, .. }) => {
-                    let next = &next.bounds[(b / 2) * next.width..][..next.width];
-                    let here = windows.iter_mut().zip(&*cells).enumerate();
-                    here.for_each(|(a, (window, cell))| *window = cell.union(next[a / 2].of_next()));
-                }
-                None => {
-                    let here = windows.iter_mut().zip(&*cells);
-                    here.for_each(|(window, cell)| *window = cell.union(Bounds::ABSENT));
-                }
-            }
-        });
-        self.rows = rows;
     }
 
     /// The cells that are read for voxels which are projected into rectangles of the image, of which this layer's texels are
     /// `scale` as many along a side; texels are read up to `reach` beyond the one that holds a point.
     #[inline(always)]
     pub fn cells<S: Simd>(&self, scale: f32, columns: [S::Eight; 2], rows: [S::Eight; 2], reach: f32) -> Cells {
-        let beyond = self.reading.beyond();
+        let beyond = self.sampling.beyond();
         let (first, last) = (beyond as f32 - 0.5, reach - 0.5);
         let [width, height] = [self.width, self.height].map(|size| (size - 1 + beyond) as f32);
         let across = if self.wraps { [-ANY_COLUMN, ANY_COLUMN] } else { [0.0, width] };
@@ -332,7 +283,7 @@ impl SurfaceLayer {
         if !self.wraps {
             return self.rectangle((left as u32, right as u32), rows);
         }
-        let (width, last) = (self.width as i32, (self.width - 1 + self.reading.beyond()) as i32);
+        let (width, last) = (self.width as i32, (self.width - 1 + self.sampling.beyond()) as i32);
         let within =
             |low: i32, high: i32| self.rectangle((low.clamp(0, last) as u32, high.clamp(0, last) as u32), rows);
         if left < 0 {
@@ -348,7 +299,7 @@ impl SurfaceLayer {
     #[inline(always)]
     fn rectangle(&self, x: (u32, u32), y: (u32, u32)) -> Bounds {
         let extent = (x.1 - x.0).max(y.1 - y.0);
-        let level = (extent / CELLS_ACROSS).checked_ilog2().map_or(0, |log| log as usize + 1).max(self.reading.finest());
+        let level = (extent / CELLS_ACROSS).checked_ilog2().map_or(0, |log| log as usize + 1).max(self.sampling.finest());
         let Some(windows) = self.windows.get(level) else { return self.everywhere() };
         let (columns, rows) = (squares(x, level), squares(y, level));
         let mut bounds = Bounds::NONE;
@@ -364,22 +315,6 @@ impl SurfaceLayer {
         let coarsest = self.windows.last().expect("there is a window of two texels");
         coarsest.bounds.iter().fold(Bounds::NONE, |all, &window| all.union(window))
     }
-}
-
-/// Puts texels beside each other that are read together. Beyond the border lies what lies at the border or, in an image that
-/// wraps, at the other end.
-fn gather(texels: &[f32], [width, height]: [usize; 2], wraps: bool, quads: &mut Vec<Quad>) {
-    quads.resize((width + 1) * (height + 1), Quad::default());
-    quads.par_chunks_mut(width + 1).with_min_len(32).enumerate().for_each(|(b, out)| {
-        let row = |b: usize| &texels[b * width..(b + 1) * width];
-        let (upper, lower) = (row(b.saturating_sub(1)), row(b.min(height - 1)));
-        let quad = |left: usize, right: usize| Quad([upper[left], upper[right], lower[left], lower[right]]);
-        let last = width - 1;
-        out[0] = quad(if wraps { last } else { 0 }, 0);
-        let inside = upper.windows(2).zip(lower.windows(2));
-        out[1..].iter_mut().zip(inside).for_each(|(out, (u, l))| *out = Quad([u[0], u[1], l[0], l[1]]));
-        out[width] = quad(last, if wraps { 0 } else { last });
-    });
 }
 
 impl Windows {
@@ -426,7 +361,7 @@ mod tests {
     fn check_every_rectangle(layer: &Layer, model: &SensorModel, table: &SensorTable, finest: usize) {
         let (width, height, values) = (layer.width, layer.height, &layer.values);
         let mut surfaces = SurfaceLayer::default();
-        surfaces.compute(layer, None, (model, table), Reading::Texels { finest }, false);
+        surfaces.compute(layer, None, (model, table), Sampling::Texels { finest }, false);
         let reach = table.cutoff() * 0.02;
         for (x0, x1) in (0..width).flat_map(|x0| (x0..width).map(move |x1| (x0, x1))) {
             for (y0, y1) in (0..height).flat_map(|y0| (y0..height).map(move |y1| (y0, y1))) {

@@ -19,7 +19,7 @@ use crate::pyramid::Selection;
 use crate::sensor::SensorTable;
 use crate::sensors::{Projected, Projection};
 use crate::simd::{Kernel, Real, Simd};
-use crate::surfaces::{Reading, SurfaceLayer};
+use crate::surfaces::{Sampling, SurfaceLayer};
 use crate::view::{Lanes, Points, View};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -64,11 +64,11 @@ impl UpdateRule {
 
     /// How this rule reads layers. Rules that read full resolution ask for rectangles of many pixels: finer cells are not worth
     /// their cost.
-    pub fn reading(self) -> Reading {
+    pub fn sampling(self) -> Sampling {
         match self {
-            UpdateRule::Pyramid => Reading::Quads { blended: true },
-            UpdateRule::MinLayer => Reading::Quads { blended: false },
-            UpdateRule::Area | UpdateRule::Ideal | UpdateRule::Rays => Reading::Texels { finest: 1 },
+            UpdateRule::Pyramid => Sampling::Quads { blended: true },
+            UpdateRule::MinLayer => Sampling::Quads { blended: false },
+            UpdateRule::Area | UpdateRule::Ideal | UpdateRule::Rays => Sampling::Texels { finest: 1 },
         }
     }
 }
@@ -176,13 +176,12 @@ pub fn update<R: Rule<P>, P: Projection>(
     let frame = Frame { view: scope.view, layers: scope.layers, table };
     let layout = BlockLayout::new::<R>(scope.view);
     let blocks = mixed.par_iter().zip(&mut increments[..mixed.len()]).zip(changes);
-    blocks.with_min_len(4).for_each(|((&key, increments), change)| {
-        scope.instructions.run(UpdateBlock { scope, frame: &frame, layout: &layout, key, out: increments });
-        *change = summary(increments);
+    blocks.with_min_len(4).for_each(|((&key, out), change)| {
+        *change = scope.instructions.run(UpdateBlock { scope, frame: &frame, layout: &layout, key, out });
     });
 }
 
-/// [`update_eighths`] of one block.
+/// The increments of one block.
 struct UpdateBlock<'a, R, P: Projection> {
     scope: &'a Scope<'a, R, P>,
     frame: &'a Frame<'a, P>,
@@ -192,11 +191,12 @@ struct UpdateBlock<'a, R, P: Projection> {
 }
 
 impl<R: Rule<P>, P: Projection> Kernel for UpdateBlock<'_, R, P> {
-    type Output = ();
+    type Output = Change;
 
     #[inline(always)]
-    fn run<S: Simd>(self) {
+    fn run<S: Simd>(self) -> Change {
         update_eighths::<S, R, P>(self.scope, self.frame, self.layout, self.key, self.out);
+        summary(self.out)
     }
 }
 
@@ -261,6 +261,7 @@ fn rounded<R: Real>(log_odds: R) -> R {
     (log_odds * R::splat(STEPS) + round) - round
 }
 
+#[inline(always)]
 fn summary(increments: &BlockData) -> Change {
     let first = increments[0];
     if increments.iter().fold(0, |differs, &value| differs | (value ^ first)) != 0 {
