@@ -38,7 +38,7 @@ pub fn bits_of(mut bits: u32) -> impl Iterator<Item = usize> {
 }
 
 /// The blocks of a frame that change.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Culled {
     /// Blocks that are free throughout.
     pub free: Vec<BlockKey>,

@@ -225,3 +225,151 @@ impl Real for f32 {
         if mask { one } else { other }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::array::from_fn;
+
+    const INFINITY: f32 = f32::INFINITY;
+
+    /// All that rounds, orders or selects in its own way somewhere.
+    const ODD: [f32; 16] = [
+        0.0, -0.0, 1.0, -1.0, 0.5, -0.5, 2.5, -2.5, 1e-40, 3.4e38, INFINITY, -INFINITY, f32::NAN, 8_388_607.5, -1.25, 7.0,
+    ];
+
+    /// Every operation on every pair of numbers.
+    struct Operations;
+
+    impl Kernel for Operations {
+        type Output = Vec<u32>;
+
+        #[inline(always)]
+        fn run<S: Simd>(self) -> Vec<u32> {
+            let mut bits = Vec::new();
+            for shift in 0..16 {
+                let halves: [[Lanes; 2]; 2] =
+                    [0, shift].map(|shift| from_fn(|half| from_fn(|n| ODD[(8 * half + n + shift) % 16])));
+                let [a, b] = [
+                    S::join([S::load(&halves[0][0]), S::load(&halves[0][1])]),
+                    S::join([S::load(&halves[1][0]), S::load(&halves[1][1])]),
+                ];
+                let sixteen = operations(a, b);
+                for result in sixteen {
+                    let [low, high] = S::split(result);
+                    bits.extend(S::store(low).into_iter().chain(S::store(high)).map(canonical));
+                }
+                let [a, b] = [S::load(&halves[0][1]), S::load(&halves[1][1])];
+                for result in operations(a, b) {
+                    bits.extend(S::store(result).map(canonical));
+                }
+                bits.push(S::bits(a.greater(b) | a.at_least(S::Eight::splat(1.0)) & b.is_number()));
+                let numbers = S::Eight::select(b.is_number(), b, S::Eight::splat(3.0));
+                bits.extend([S::least(numbers), S::most(numbers)].map(f32::to_bits));
+            }
+            bits
+        }
+    }
+
+    /// Which NaN comes of an operation is nobody's promise.
+    fn canonical(number: f32) -> u32 {
+        if number.is_nan() { f32::NAN.to_bits() } else { number.to_bits() }
+    }
+
+    #[inline(always)]
+    fn operations<R: Real>(a: R, b: R) -> [R; 11] {
+        [
+            a + b,
+            a - b,
+            a * b,
+            a / b,
+            a.sqrt(),
+            a.floor(),
+            a.max(b),
+            a.min(b),
+            a.abs(),
+            R::select(a.greater(b), a, b),
+            R::select(a.at_least(b) & b.is_number(), b, a),
+        ]
+    }
+
+    #[test]
+    fn every_set_computes_as_single_numbers_do() {
+        let mut expected = Vec::new();
+        for shift in 0..16 {
+            let pairs: [(f32, f32); 16] = from_fn(|n| (ODD[n], ODD[(n + shift) % 16]));
+            for part in [&pairs[..], &pairs[8..]] {
+                for operation in 0..11 {
+                    expected.extend(part.iter().map(|&(a, b)| canonical(operations(a, b)[operation])));
+                }
+            }
+            let eight = &pairs[8..];
+            let is = |&(a, b): &(f32, f32)| a > b || (a >= 1.0 && !b.is_nan());
+            expected.push(eight.iter().enumerate().map(|(n, pair)| u32::from(is(pair)) << n).sum());
+            let numbers = eight.iter().map(|&(_, b)| if b.is_nan() { 3.0 } else { b });
+            expected.push(numbers.clone().fold(INFINITY, f32::min).to_bits());
+            expected.push(numbers.fold(-INFINITY, f32::max).to_bits());
+        }
+        for set in Instructions::all() {
+            assert_eq!(set.run(Operations), expected, "{set:?}");
+        }
+    }
+
+    /// What is read from memory: quads of two lists, and a table.
+    struct Lookups<'a> {
+        lists: [&'a [Quad]; 2],
+        table: &'a [[f32; 2]],
+        rows: [Lanes; 2],
+        columns: [Lanes; 2],
+    }
+
+    impl Kernel for Lookups<'_> {
+        type Output = (Places, [[Lanes; 2]; 4], [[Lanes; 2]; 3], [i32; 8]);
+
+        #[inline(always)]
+        fn run<S: Simd>(self) -> Self::Output {
+            let rows = S::join([S::load(&self.rows[0]), S::load(&self.rows[1])]);
+            let columns = S::join([S::load(&self.columns[0]), S::load(&self.columns[1])]);
+            // SAFETY: rows, columns and positions are within lists and table.
+            unsafe {
+                let places = S::places(rows, columns, [5, 3]);
+                let [a, b, c, d] = S::quads(self.lists, &places);
+                let [e, f, g] = S::pairs(self.table, rows * columns / S::Sixteen::splat(4.0));
+                let mut quads = [[[0.0; 8]; 2]; 4];
+                for (out, quad) in quads.iter_mut().zip([a, b, c, d]) {
+                    let [low, high] = S::split(quad);
+                    *out = [S::store(low), S::store(high)];
+                }
+                let mut pairs = [[[0.0; 8]; 2]; 3];
+                for (out, pair) in pairs.iter_mut().zip([e, f, g]) {
+                    let [low, high] = S::split(pair);
+                    *out = [S::store(low), S::store(high)];
+                }
+                (places, quads, pairs, S::store_whole(S::load(&self.columns[0])))
+            }
+        }
+    }
+
+    #[test]
+    fn every_set_reads_the_same_places() {
+        let quad = |n: usize| Quad(from_fn(|k| (10 * n + k) as f32));
+        let lists: [Vec<Quad>; 2] = [(0..20).map(quad).collect(), (100..112).map(quad).collect()];
+        let table: Vec<[f32; 2]> = (0..8).map(|n| [n as f32, -0.5 * n as f32]).collect();
+        let rows: [Lanes; 2] = from_fn(|half| from_fn(|n| ((n + half) % 4) as f32));
+        let columns: [Lanes; 2] = [from_fn(|n| (n * 3 % 5) as f32), from_fn(|n| (n % 3) as f32)];
+        for set in Instructions::all() {
+            let lists = [&lists[0][..], &lists[1][..]];
+            let (places, quads, pairs, whole) = set.run(Lookups { lists, table: &table, rows, columns });
+            for (half, n) in (0..2).flat_map(|half| (0..8).map(move |n| (half, n))) {
+                let (row, column) = (rows[half][n] as usize, columns[half][n] as usize);
+                let place = row * [5, 3][half] + column;
+                assert_eq!(places[8 * half + n] as usize, place, "{set:?}");
+                assert_eq!(from_fn(|k| quads[k][half][n]), lists[half][place].0, "{set:?}");
+                let position = (row * column) as f32 / 4.0;
+                let entry = table[position as usize];
+                assert_eq!(from_fn(|k| pairs[k][half][n]), [entry[0], entry[1], position.fract()], "{set:?}");
+            }
+            assert_eq!(whole.map(|n| n as f32), columns[0], "{set:?}");
+        }
+    }
+}
