@@ -113,6 +113,8 @@ pub trait Backend: Send + Sync {
 
     /// Bytes that the pool takes.
     fn pool_bytes(&self) -> usize;
+    /// Gives up memory that is kept only to be used again.
+    fn trim(&mut self) {}
     /// Bytes by which the pool would grow if so many slots were allocated, without what is in them.
     fn table_growth(&self, new: usize) -> usize;
     /// Bytes by which blocks would grow at most if so many additions were made to slots, and to new ones.

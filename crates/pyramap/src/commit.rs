@@ -74,7 +74,10 @@ impl Commit<'_> {
     /// # Errors
     /// [`Error::MapFull`] if the map would take more than `max_bytes`, or [`Error::Device`]; nothing is added then.
     pub fn apply(self, backend: &mut dyn Backend, max_bytes: Option<usize>) -> Result<u64> {
-        self.check_budget(backend, max_bytes)?;
+        if self.check_budget(backend, max_bytes).is_err() {
+            backend.trim();
+            self.check_budget(backend, max_bytes)?;
+        }
         let Self { changes: Changes { uniform, dense }, sign, limits, directory, buffers } = self;
         let CommitBuffers { additions, keys } = buffers;
         additions.clear();

@@ -218,6 +218,10 @@ impl Backend for CpuBackend {
         self.pool.bytes()
     }
 
+    fn trim(&mut self) {
+        self.pool.trim();
+    }
+
     fn table_growth(&self, new: usize) -> usize {
         self.pool.table_growth(new)
     }

@@ -14,6 +14,8 @@ use std::mem::{size_of, take};
 pub struct Pool {
     slots: Vec<Option<Voxels>>,
     unused: Vec<u32>,
+    /// Blocks that slots gave back, for the next ones: a clamped map gives back and takes some in every frame.
+    spare: Vec<Box<NarrowBlockData>>,
     num_narrow: usize,
     num_wide: usize,
     /// Room for [`Pool::add`] to work in, kept from frame to frame.
@@ -29,13 +31,17 @@ enum Voxels {
 /// The table of slots grows by so many at a time, not by doubling: then what it will take is known, and `max_bytes` holds.
 const TABLE_STEP: usize = 1024;
 
+/// So many blocks are kept to be used again.
+const SPARE: usize = 64;
+
 /// The directory names only slots that it was given and has not given back.
 const IN_USE: &str = "a slot that is in use";
 
 impl Pool {
     /// Bytes of all blocks, and of the table of slots.
     pub fn bytes(&self) -> usize {
-        self.num_narrow * size_of::<NarrowBlockData>()
+        (self.num_narrow + self.spare.len()) * size_of::<NarrowBlockData>()
+            + self.spare.capacity() * size_of::<Box<NarrowBlockData>>()
             + self.num_wide * size_of::<BlockData>()
             + Self::table_bytes(self.slots.capacity())
     }
@@ -66,7 +72,7 @@ impl Pool {
         needed.saturating_sub(taken)
     }
 
-    /// A slot, which holds zeros.
+    /// A slot, which holds anything.
     pub fn allocate(&mut self) -> u32 {
         let slot = self.unused.pop().unwrap_or_else(|| {
             if self.slots.len() == self.slots.capacity() {
@@ -76,14 +82,25 @@ impl Pool {
             self.slots.push(None);
             (self.slots.len() - 1) as u32
         });
-        self.put(slot, Voxels::Narrow(Box::new([0; BLOCK_VOXELS])));
+        let voxels = self.spare.pop().unwrap_or_else(|| Box::new([0; BLOCK_VOXELS]));
+        self.put(slot, Voxels::Narrow(voxels));
         slot
     }
 
     /// Gives a slot back.
     pub fn release(&mut self, slot: u32) {
-        self.take(slot);
+        if let Voxels::Narrow(voxels) = self.take(slot)
+            && self.spare.len() < SPARE
+        {
+            self.spare.reserve_exact(SPARE - self.spare.len());
+            self.spare.push(voxels);
+        }
         self.unused.push(slot);
+    }
+
+    /// Gives up what is kept to be used again.
+    pub fn trim(&mut self) {
+        self.spare = Vec::new();
     }
 
     /// The voxels of a slot.

@@ -295,10 +295,10 @@ impl SurfaceLayer {
         }
     }
 
-    /// Bounds over cells `x.0..=x.1` by `y.0..=y.1`, all within the layer.
+    /// Bounds over cells `x.0..=x.1` by `y.0..=y.1`, all within the layer. What has no outline may end before it begins.
     #[inline(always)]
     fn rectangle(&self, x: (u32, u32), y: (u32, u32)) -> Bounds {
-        let extent = (x.1 - x.0).max(y.1 - y.0);
+        let extent = x.1.saturating_sub(x.0).max(y.1.saturating_sub(y.0));
         let level = (extent / CELLS_ACROSS).checked_ilog2().map_or(0, |log| log as usize + 1).max(self.sampling.finest());
         let Some(windows) = self.windows.get(level) else { return self.everywhere() };
         let (columns, rows) = (squares(x, level), squares(y, level));

@@ -90,6 +90,18 @@ fn a_steady_map_allocates_nothing() {
         again();
         assert_eq!(allocations(again), 0, "{update:?}");
     }
+
+    // Where evidence is clamped, frames take blocks that are full out of the pool, and put others in.
+    let mut config = GridConfig::new(0.08).unwrap();
+    config.clamp = Some((-1.0, 1.5));
+    let mut grid = OccupancyGrid::new(config).unwrap();
+    let mut again = || {
+        for (image, pose) in &frames {
+            grid.integrate(image, &camera, pose).unwrap();
+        }
+    };
+    (0..6).for_each(|_| again());
+    assert_eq!(allocations(&mut again), 0, "clamped");
 }
 
 #[test]

@@ -184,6 +184,7 @@ impl OccupancyGrid {
         cut: &[BlockKey],
         change: impl Fn(BlockKey, &mut BlockData) + Sync,
     ) -> Result<()> {
+        self.backend.trim();
         let bytes = |values: &BlockData| self.backend.growth_to(None, values);
         let (new_slots, needed): (usize, usize) = cut
             .par_iter()

@@ -35,6 +35,7 @@ impl OccupancyGrid {
         self.fetch()?;
         other.fetch()?;
         if self.config.max_bytes.is_some() {
+            self.backend.trim();
             let new = other.directory.keys().filter(|key| !self.directory.contains_key(*key)).count();
             let (mut new_slots, mut blocks) = (0, 0);
             for &key in other.directory.keys() {
