@@ -14,8 +14,8 @@ use std::mem::{size_of, take};
 pub struct Pool {
     slots: Vec<Option<Voxels>>,
     unused: Vec<u32>,
-    /// Blocks that slots gave back, for the next ones: a clamped map gives back and takes some in every frame.
-    spare: Vec<Box<NarrowBlockData>>,
+    /// Narrow blocks that slots gave back, for the next ones: a clamped map gives back and takes some in every frame.
+    spare: Vec<Voxels>,
     num_narrow: usize,
     num_wide: usize,
     /// Room for [`Pool::add`] to work in, kept from frame to frame.
@@ -41,7 +41,7 @@ impl Pool {
     /// Bytes of all blocks, and of the table of slots.
     pub fn bytes(&self) -> usize {
         (self.num_narrow + self.spare.len()) * size_of::<NarrowBlockData>()
-            + self.spare.capacity() * size_of::<Box<NarrowBlockData>>()
+            + self.spare.capacity() * size_of::<Voxels>()
             + self.num_wide * size_of::<BlockData>()
             + Self::table_bytes(self.slots.capacity())
     }
@@ -82,16 +82,15 @@ impl Pool {
             self.slots.push(None);
             (self.slots.len() - 1) as u32
         });
-        let voxels = self.spare.pop().unwrap_or_else(|| Box::new([0; BLOCK_VOXELS]));
-        self.put(slot, Voxels::Narrow(voxels));
+        let voxels = self.spare.pop().unwrap_or_else(|| Voxels::Narrow(Box::new([0; BLOCK_VOXELS])));
+        self.put(slot, voxels);
         slot
     }
 
     /// Gives a slot back.
     pub fn release(&mut self, slot: u32) {
-        if let Voxels::Narrow(voxels) = self.take(slot)
-            && self.spare.len() < SPARE
-        {
+        let voxels = self.take(slot);
+        if matches!(voxels, Voxels::Narrow(_)) && self.spare.len() < SPARE {
             self.spare.reserve_exact(SPARE - self.spare.len());
             self.spare.push(voxels);
         }

@@ -115,7 +115,9 @@ impl Kernel for Row<'_> {
         let lanes = self.out.iter_mut().zip(self.range_per_reading);
         match self.depth {
             Depth::F32(values) => lanes.zip(values).for_each(|((out, &per), &depth)| *out = measured(depth, per)),
-            Depth::F64(values) => lanes.zip(values).for_each(|((out, &per), &depth)| *out = measured(depth as f32, per)),
+            Depth::F64(values) => {
+                lanes.zip(values).for_each(|((out, &per), &depth)| *out = measured(depth as f32, per))
+            }
             Depth::U16 { values, scale } => {
                 let scale = scale as f32;
                 let metres = |raw| f32::from(raw) / scale;

@@ -235,7 +235,22 @@ mod tests {
 
     /// All that rounds, orders or selects in its own way somewhere.
     const ODD: [f32; 16] = [
-        0.0, -0.0, 1.0, -1.0, 0.5, -0.5, 2.5, -2.5, 1e-40, 3.4e38, INFINITY, -INFINITY, f32::NAN, 8_388_607.5, -1.25, 7.0,
+        0.0,
+        -0.0,
+        1.0,
+        -1.0,
+        0.5,
+        -0.5,
+        2.5,
+        -2.5,
+        1e-40,
+        3.4e38,
+        INFINITY,
+        -INFINITY,
+        f32::NAN,
+        8_388_607.5,
+        -1.25,
+        7.0,
     ];
 
     /// Every operation on every pair of numbers.

@@ -73,7 +73,7 @@ impl Sampling {
     }
 }
 
-/// Applies the model to those of the layers that are `wanted`, into these buffers.
+/// Applies the model to those of the layers that are `wanted`, into these buffers. There are no layers beyond.
 pub fn compute(
     surfaces: &mut Vec<SurfaceLayer>,
     layers: &[Layer],
@@ -82,7 +82,7 @@ pub fn compute(
     sampling: Sampling,
     wraps: bool,
 ) {
-    surfaces.resize_with(layers.len(), SurfaceLayer::default);
+    surfaces.resize_with(wanted.end, SurfaceLayer::default);
     for i in wanted.rev() {
         let (finer, coarser) = surfaces.split_at_mut(i + 1);
         finer[i].compute(&layers[i], coarser.first(), (model, table), sampling, wraps);
@@ -299,7 +299,8 @@ impl SurfaceLayer {
     #[inline(always)]
     fn rectangle(&self, x: (u32, u32), y: (u32, u32)) -> Bounds {
         let extent = x.1.saturating_sub(x.0).max(y.1.saturating_sub(y.0));
-        let level = (extent / CELLS_ACROSS).checked_ilog2().map_or(0, |log| log as usize + 1).max(self.sampling.finest());
+        let level =
+            (extent / CELLS_ACROSS).checked_ilog2().map_or(0, |log| log as usize + 1).max(self.sampling.finest());
         let Some(windows) = self.windows.get(level) else { return self.everywhere() };
         let (columns, rows) = (squares(x, level), squares(y, level));
         let mut bounds = Bounds::NONE;

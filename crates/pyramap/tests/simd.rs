@@ -11,8 +11,8 @@ use pyramap::surfaces::compute;
 use pyramap::update::{Change, Rule, area::Area, min_layer::MinLayer, pyramid::Pyramid, update};
 use pyramap::view::View;
 use pyramap::{
-    Depth, DepthImage, Distortion, GridConfig, OrthographicCamera, PinholeCamera, Pose, Sensor, SensorModel, SphericalSensor,
-    SurfaceOffset, UpdateRule,
+    Depth, DepthImage, Distortion, GridConfig, OrthographicCamera, PinholeCamera, Pose, Sensor, SensorModel,
+    SphericalSensor, SurfaceOffset, UpdateRule,
 };
 
 const WIDTH: usize = 128;
@@ -113,7 +113,10 @@ fn every_set_gives_the_same_bits() {
                 let expected = seen_by(&config, &sensor, sets[0]);
                 dense += expected.changes.iter().filter(|change| matches!(change, Change::Dense { .. })).count();
                 for &set in &sets[1..] {
-                    assert!(seen_by(&config, &sensor, set) == expected, "{set:?}: {update:?}, {voxel_size} m, {sensor:?}");
+                    assert!(
+                        seen_by(&config, &sensor, set) == expected,
+                        "{set:?}: {update:?}, {voxel_size} m, {sensor:?}"
+                    );
                 }
             }
         }

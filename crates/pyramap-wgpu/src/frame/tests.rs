@@ -15,7 +15,8 @@ use pyramap::pyramid::Pyramid as Layers;
 use pyramap::ranges::Ranges;
 use pyramap::sensor::SensorTable;
 use pyramap::sensors::Projection;
-use pyramap::surfaces::SurfaceLayer;
+use pyramap::simd::Instructions;
+use pyramap::surfaces::{SurfaceLayer, compute};
 use pyramap::update::area::Area;
 use pyramap::update::min_layer::MinLayer;
 use pyramap::update::pyramid::Pyramid;
@@ -142,11 +143,9 @@ fn by_rule<P: Projection, R: Rule<P>>(
     let count = view.projection.num_layers();
     let wanted = config.update.layers(view, count);
     layers.compute(&ranges, view.t_0, config.update.selection::<P>(), wanted.clone());
-    let mut surfaces = vec![SurfaceLayer::default(); count];
-    for i in wanted {
-        surfaces[i].compute(&layers.layers[i], &model, &table, config.update.finest_bounds());
-    }
-    let scope = Scope { view, layers: &surfaces, rule, enabled: config.cull };
+    let (mut surfaces, sampling, wraps) = (Vec::new(), config.update.sampling(), view.projection.wraps());
+    compute(&mut surfaces, &layers.layers, wanted, (&model, &table), sampling, wraps);
+    let scope = Scope { view, layers: &surfaces, rule, enabled: config.cull, instructions: Instructions::widest() };
     let (mut culled, mut increments, mut changes) = (Culled::default(), Vec::new(), Vec::new());
     cull(&scope, &mut CullBuffers::default(), &mut culled);
     update(&scope, &table, &culled.mixed, &mut increments, &mut changes);

@@ -99,7 +99,8 @@ pub trait Projection: Clone + Sync {
             let outline = self.outline(cubes, centre, far[n]);
             [left[n], right[n]] = outline.columns;
             [top[n], bottom[n]] = outline.rows;
-            (bounded[n], in_sight[n], inside[n]) = (flag(outline.bounded), flag(outline.in_sight), flag(outline.inside));
+            (bounded[n], in_sight[n], inside[n]) =
+                (flag(outline.bounded), flag(outline.in_sight), flag(outline.inside));
         }
         let is = |flags: &Lanes| S::load(flags).greater(S::Eight::splat(0.0));
         let outline = Outline {

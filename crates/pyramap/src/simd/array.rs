@@ -147,7 +147,11 @@ impl Simd for Portable {
         let pairs = |positions: Eight| {
             let places = unsafe { positions.whole() };
             let entries = places.map(|place| unsafe { *table.get_unchecked(place as usize) });
-            [entries.map(|entry| entry[0]), entries.map(|entry| entry[1]), from_fn(|n| positions.0[n] - places[n] as f32)]
+            [
+                entries.map(|entry| entry[0]),
+                entries.map(|entry| entry[1]),
+                from_fn(|n| positions.0[n] - places[n] as f32),
+            ]
         };
         let (near, next) = (pairs(positions.0), pairs(positions.1));
         from_fn(|k| Pair(Eight(near[k]), Eight(next[k])))

@@ -82,7 +82,12 @@ impl SurfaceLayer {
         out.with_min_len(ROWS).enumerate().for_each(|(b, (out, windows))| {
             let row = |b: usize| threes.rows(padded, b.min(height - 1));
             let next = next.map(|next| next.squares.rows(next.width + 1, b / 2));
-            Instructions::widest().run(Squares { threes: [row(b.saturating_sub(1)), row(b), row(b + 1)], next, out, windows });
+            Instructions::widest().run(Squares {
+                threes: [row(b.saturating_sub(1)), row(b), row(b + 1)],
+                next,
+                out,
+                windows,
+            });
         });
     }
 }
@@ -161,5 +166,94 @@ impl Kernel for Squares<'_> {
         windows.iter_mut().zip(here).enumerate().for_each(|(a, (window, here))| {
             *window = Bounds(here).union(Bounds([near[a / 2], far[a / 2], 0.0, holes[a / 2]]));
         });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::pyramid::Layer;
+    use crate::sensor::{SensorModel, SensorTable};
+    use crate::surfaces::{Sampling, compute};
+    use crate::view::Lanes;
+
+    /// Bounds over a rectangle of the image, eight times.
+    struct Ask<'a> {
+        surfaces: &'a SurfaceLayer,
+        scale: f32,
+        columns: [f32; 2],
+        rows: [f32; 2],
+    }
+
+    impl Kernel for Ask<'_> {
+        type Output = Bounds;
+
+        #[inline(always)]
+        fn run<S: Simd>(self) -> Bounds {
+            let lanes = |number: f32| -> Lanes { [number; 8] };
+            let [columns, rows] =
+                [self.columns, self.rows].map(|[low, high]| [S::load(&lanes(low)), S::load(&lanes(high))]);
+            let cells = self.surfaces.cells::<S>(self.scale, columns, rows, 1.0);
+            self.surfaces.bounds(&cells, 5)
+        }
+    }
+
+    /// Ranges that differ much from texel to texel, and some holes.
+    fn layer(width: usize, height: usize, seed: usize) -> Layer {
+        let range = |i: usize| {
+            if (i * 31 + seed).is_multiple_of(11) { 0.0 } else { 0.2 + ((i * 7919 + seed) % 101) as f32 * 0.05 }
+        };
+        Layer { width, height, values: (0..width * height).map(range).collect() }
+    }
+
+    /// The four texels of Eq. 15 around a point of the image, and those `more` around them.
+    fn texels(layer: &Layer, scale: f32, [u, v]: [f32; 2], wraps: bool, more: isize) -> Vec<f32> {
+        let (x, y) = ((u * scale - 0.5).floor() as isize, (v * scale - 0.5).floor() as isize);
+        let clamped = |i: isize, size: usize| i.clamp(0, size as isize - 1) as usize;
+        let column =
+            |i: isize| if wraps { i.rem_euclid(layer.width as isize) as usize } else { clamped(i, layer.width) };
+        let rows = (y - more..=y + 1 + more).map(|row| clamped(row, layer.height));
+        rows.flat_map(|row| (x - more..=x + 1 + more).map(move |i| (row, i)))
+            .map(|(row, i)| layer.values[row * layer.width + column(i)])
+            .collect()
+    }
+
+    #[test]
+    fn bounds_hold_for_what_is_read_in_both_layers() {
+        let model = SensorModel::constant(0.02).unwrap();
+        let table = SensorTable::new(&model);
+        let reach = 0.02 * table.cutoff();
+        for (width, height, wraps) in [(23, 17, false), (24, 9, true), (1, 1, false), (2, 30, false)] {
+            let halved = |side: usize, i: usize| side.div_ceil(1 << i);
+            let layers: Vec<Layer> = (0..3).map(|i| layer(halved(width, i), halved(height, i), i)).collect();
+            let mut surfaces = Vec::new();
+            let sampling = Sampling::Quads { blended: true };
+            compute(&mut surfaces, &layers, 0..layers.len(), (&model, &table), sampling, wraps);
+            for n in 0..4000usize {
+                let at = |step: usize, size: usize| ((n * step) % 8191) as f32 / 8191.0 * size as f32;
+                let (u, v, i) = (at(3571, width), at(5077, height), n % layers.len());
+                let size = [0.0, 0.3, 2.0, 7.5][n / 7 % 4];
+                let (scale, next) = (1.0 / (1 << i) as f32, layers.get(i + 1));
+                let ask =
+                    Ask { surfaces: &surfaces[i], scale, columns: [u - size, u + size], rows: [v - size, v + size] };
+                let bounds = Instructions::widest().run(ask);
+                let point = [u + size * (at(911, 2) - 1.0), v + size * (at(613, 2) - 1.0)];
+                let here = texels(&layers[i], scale, point, wraps, 0);
+                let there = next.map_or(vec![0.0], |next| texels(next, scale / 2.0, point, wraps, 0));
+                for &range in here.iter().chain(&there).filter(|&&range| range > 0.0) {
+                    assert!(bounds.near() <= range - 0.999 * reach && bounds.far() >= range + 0.999 * reach);
+                }
+                let hole = |texels: &[f32]| texels.contains(&0.0);
+                assert!(bounds.has_holes(false) || !hole(&here));
+                assert!(bounds.has_holes(true) || !(hole(&here) && hole(&there)));
+                if size == 0.0 {
+                    // A square of 2 x 2 quads at least, and what is next to it.
+                    let around = texels(&layers[i], scale, point, wraps, 2);
+                    let beyond = next.map_or(vec![], |next| texels(next, scale / 2.0, point, wraps, 2));
+                    let farthest = around.iter().chain(&beyond).fold(0.0f32, |most, &range| most.max(range));
+                    assert!(bounds.far() <= farthest + 1.001 * reach);
+                }
+            }
+        }
     }
 }

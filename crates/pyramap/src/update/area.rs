@@ -6,8 +6,8 @@
 use super::{Frame, Pixels, Rule};
 use crate::cull::{LayersRead, Reads};
 use crate::sensors::{Projected, Projection};
-use crate::surfaces::texel;
 use crate::simd::Simd;
+use crate::surfaces::texel;
 use crate::view::{Lanes, Points, View};
 
 /// The sample points of a voxel, relative to its centre, in the camera's frame, metres.

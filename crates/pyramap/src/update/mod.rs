@@ -238,7 +238,11 @@ fn store(out: &mut BlockData, q: usize, p: usize, values: [i32; 8]) {
 
 /// Increments of eight voxels: projects them (Eq. 13), asks the rule, and rounds.
 #[inline(always)]
-fn update_lanes<S: Simd, R: Rule<P>, P: Projection>(scope: &Scope<R, P>, frame: &Frame<P>, points: &Points) -> [i32; 8] {
+fn update_lanes<S: Simd, R: Rule<P>, P: Projection>(
+    scope: &Scope<R, P>,
+    frame: &Frame<P>,
+    points: &Points,
+) -> [i32; 8] {
     let (view, splat) = (frame.view, S::Eight::splat);
     let [width, height] = view.projection.image();
     let (nothing, max_range) = (splat(0.0), splat(view.max_range));
@@ -287,8 +291,10 @@ fn bilinear<S: Simd, P: Projection>(frame: &Frame<P>, layers: [usize; 2], pixels
     let splat = S::Sixteen::splat;
     let scale = of_layers::<S>(layers.map(|i| 1.0 / power_of_two(i)));
     let layers = layers.map(|i| &frame.layers[i]);
-    let (columns, right) = taps(of_voxels::<S>(&pixels.u) * scale, of_layers::<S>(layers.map(|layer| layer.width as f32)));
-    let (rows, lower) = taps(of_voxels::<S>(&pixels.v) * scale, of_layers::<S>(layers.map(|layer| layer.height as f32)));
+    let (columns, right) =
+        taps(of_voxels::<S>(&pixels.u) * scale, of_layers::<S>(layers.map(|layer| layer.width as f32)));
+    let (rows, lower) =
+        taps(of_voxels::<S>(&pixels.v) * scale, of_layers::<S>(layers.map(|layer| layer.height as f32)));
     for layer in layers {
         assert!(layer.quads[0].len() > layer.width * layer.height, "a layer that this rule reads");
     }
