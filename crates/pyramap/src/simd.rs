@@ -75,10 +75,10 @@ pub trait Simd {
     fn most(eight: Self::Eight) -> f32;
     /// A bit for each lane, the first one's the lowest.
     fn bits(mask: <Self::Eight as Real>::Mask) -> u32;
-    /// Writes numbers that are whole, and fit in `i32`.
+    /// Writes numbers, cut off.
     ///
     /// # Safety
-    /// They are and do.
+    /// They are not NaN, and fit in `i32` then.
     unsafe fn store_whole(eight: Self::Eight) -> [i32; 8];
     /// Both layers' numbers.
     fn join(layers: [Self::Eight; 2]) -> Self::Sixteen;

@@ -155,9 +155,12 @@ pub struct Cells {
 /// The cells of eight coordinates, within some range of cells; NaN is in the first.
 #[inline(always)]
 fn cell<S: Simd>(coordinate: S::Eight, scale: f32, offset: f32, [first, last]: [f32; 2]) -> [i32; 8] {
-    let cell = (coordinate * S::Eight::splat(scale) + S::Eight::splat(offset)).floor();
-    // SAFETY: whole, and in range of `i32`.
-    unsafe { S::store_whole(cell.max(S::Eight::splat(first)).min(S::Eight::splat(last))) }
+    let cell = coordinate * S::Eight::splat(scale) + S::Eight::splat(offset);
+    let cell = cell.max(S::Eight::splat(first)).min(S::Eight::splat(last));
+    // Cut off, for numbers that are not negative, is rounded down.
+    let cell = if first < 0.0 { cell.floor() } else { cell };
+    // SAFETY: in range of `i32`.
+    unsafe { S::store_whole(cell) }
 }
 
 /// Rectangles are read as at most so many cells along a side, and one more where they do not begin with a cell: fewer
