@@ -2,7 +2,8 @@
 //!
 //! `make bench-instructions` prints them beside those of the run before. One frame of the simulated office, which is
 //! the same everywhere, goes through the stages once, so that all buffers have their size and the map has its blocks;
-//! then one stage is done once more, and counted. Everything runs on one thread: the one that valgrind looks at.
+//! then one stage is done once more, and counted. Everything runs on one thread: the one that valgrind looks at. Valgrind
+//! has no AVX-512: what is counted are the instructions of a processor with AVX2.
 
 #![allow(missing_docs, reason = "the macros make public items")]
 

@@ -6,6 +6,7 @@
 //! every surface, and free where all of it lies in front of every surface. What is neither is asked by its eighths,
 //! all eight at once: from cubes of many blocks down to blocks here, and from blocks down to cubes of 2 x 2 x 2 voxels
 //! in the update stage. Because the sensor table is constant beyond its cut-off, skipping changes no bit of the result.
+//! Bounds of all eight are read before any is judged: which way one goes no processor can predict.
 
 #![allow(clippy::needless_range_loop, reason = "lanes of several arrays go together, by their number")]
 

@@ -1,8 +1,8 @@
 //! Stage 4, update: the log-odd that a frame gives to each voxel of the mixed blocks (Alg. 1).
 //!
 //! One file a rule. A rule is asked for eight voxels at a time; everything around it is here. What is done to eight
-//! voxels is written as plain loops over eight lanes, which the compiler turns into vector instructions: no allocation,
-//! no branch, and no reading through a bounds check inside them.
+//! voxels is written over the vectors of [`simd`](crate::simd): no allocation, no branch, and no reading through a bounds
+//! check inside it. Rules that interpolate do so in both layers at once, so that the widest vectors are full.
 
 #![allow(clippy::needless_range_loop, reason = "lanes of several arrays go together, by their number")]
 
