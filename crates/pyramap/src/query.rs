@@ -5,6 +5,7 @@ use crate::error::{Error, Result};
 use crate::grid::OccupancyGrid;
 use crate::log_odds;
 use crate::ray::{each, floor, whole};
+use crate::simd::{Instructions, Kernel, Simd};
 use crate::state::{State, Threshold};
 use crate::window::{Layout, Lookup, Window, window_for};
 use rayon::prelude::*;
@@ -100,7 +101,10 @@ impl OccupancyGrid {
         let chunks = answers.par_chunks_mut(CHUNK).zip(points.par_chunks(CHUNK)).with_min_len(16);
         let all_finite = match window_for(self, points.len(), Values::of(Block::Uniform(0)), Values::of) {
             Some(window) => {
-                let find = |(answers, points): (&mut [T], &[_])| find(&window, voxel_size, points, answers, &answer);
+                let (window, answer, instructions) = (&window, &answer, Instructions::widest());
+                let find = |(answers, points): (&mut [T], &[_])| {
+                    instructions.run(Find { window, voxel_size, points, answers, answer })
+                };
                 chunks.map(find).reduce(|| true, |one, other| one & other)
             }
             None => {
@@ -154,61 +158,40 @@ impl<'a> Values<'a> {
     }
 }
 
-/// Answers up to [`CHUNK`] points by the voxels that contain them, with the widest instructions that the processor has;
-/// gives whether all points are finite.
-fn find<T>(
-    window: &Window<Values>,
+/// Up to [`CHUNK`] points, answered by the voxels that contain them; gives whether all points are finite.
+struct Find<'a, T, A> {
+    window: &'a Window<Values<'a>>,
     voxel_size: f64,
-    points: &[[f64; 3]],
-    answers: &mut [T],
-    answer: &impl Fn(i32) -> T,
-) -> bool {
-    #[cfg(target_arch = "x86_64")]
-    {
-        #[target_feature(enable = "avx2")]
-        fn with_avx2<T>(
-            window: &Window<Values>,
-            voxel_size: f64,
-            points: &[[f64; 3]],
-            answers: &mut [T],
-            answer: &impl Fn(i32) -> T,
-        ) -> bool {
-            find_all(window, voxel_size, points, answers, answer)
-        }
-        if is_x86_feature_detected!("avx2") {
-            // SAFETY: the processor was just asked.
-            return unsafe { with_avx2(window, voxel_size, points, answers, answer) };
-        }
-    }
-    find_all(window, voxel_size, points, answers, answer)
+    points: &'a [[f64; 3]],
+    answers: &'a mut [T],
+    answer: &'a A,
 }
 
-#[inline(always)]
-fn find_all<T>(
-    window: &Window<Values>,
-    voxel_size: f64,
-    points: &[[f64; 3]],
-    answers: &mut [T],
-    answer: &impl Fn(i32) -> T,
-) -> bool {
-    let (layout, mut all_finite) = (window.layout(), true);
-    let (mut along, mut places, mut offsets) = ([[0; CHUNK]; 3], [0; CHUNK], [0; CHUNK]);
-    for (a, along) in along.iter_mut().enumerate() {
-        for (along, point) in along.iter_mut().zip(points) {
-            *along = layout.along(a, whole(point[a] / voxel_size));
-            all_finite &= point[a].abs() <= f64::MAX;
+impl<T, A: Fn(i32) -> T> Kernel for Find<'_, T, A> {
+    type Output = bool;
+
+    #[inline(always)]
+    fn run<S: Simd>(self) -> bool {
+        let Self { window, voxel_size, points, answers, answer } = self;
+        let (layout, mut all_finite) = (window.layout(), true);
+        let (mut along, mut places, mut offsets) = ([[0; CHUNK]; 3], [0; CHUNK], [0; CHUNK]);
+        for (a, along) in along.iter_mut().enumerate() {
+            for (along, point) in along.iter_mut().zip(points) {
+                *along = layout.along(a, whole(point[a] / voxel_size));
+                all_finite &= point[a].abs() <= f64::MAX;
+            }
         }
+        for n in 0..CHUNK {
+            let along = each(|a| along[a][n]);
+            (places[n], offsets[n]) = (layout.place(along), Layout::offset(along));
+        }
+        let mut evidence = [0; CHUNK];
+        for n in 0..points.len().min(CHUNK) {
+            evidence[n] = window.at(places[n]).get(offsets[n] as usize % BLOCK_VOXELS);
+        }
+        answers.iter_mut().zip(evidence).for_each(|(out, evidence)| *out = answer(evidence));
+        all_finite
     }
-    for n in 0..CHUNK {
-        let along = each(|a| along[a][n]);
-        (places[n], offsets[n]) = (layout.place(along), Layout::offset(along));
-    }
-    let mut evidence = [0; CHUNK];
-    for n in 0..points.len().min(CHUNK) {
-        evidence[n] = window.at(places[n]).get(offsets[n] as usize % BLOCK_VOXELS);
-    }
-    answers.iter_mut().zip(evidence).for_each(|(out, evidence)| *out = answer(evidence));
-    all_finite
 }
 
 /// Stored evidence of a voxel; 0 wherever nothing is stored.
@@ -268,4 +251,34 @@ pub(crate) fn first_row<const N: usize>(rows: &[[f64; N]], such: impl Fn(&[f64; 
 
 pub(crate) fn known_log_odds(evidence: i32, l_0: f64) -> f32 {
     if evidence == 0 { 0.0 } else { (log_odds::from_fixed(evidence) + l_0) as f32 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::GridConfig;
+
+    /// Points in and around a map, whatever instructions find their voxels.
+    #[test]
+    fn every_set_of_instructions_finds_the_same() {
+        let mut grid = OccupancyGrid::new(GridConfig::new(0.5).unwrap()).unwrap();
+        let mut wide = [0; BLOCK_VOXELS];
+        wide.iter_mut().enumerate().for_each(|(n, value)| *value = n as i32 - 100);
+        grid.put_block([0; 3], Block::Dense(&wide)).unwrap();
+        let window = Window::new(&grid, [Values::of(Block::Uniform(0)); 2], Values::of).unwrap();
+        let points: Vec<[f64; 3]> =
+            (0..CHUNK).map(|n| each(|a| 3.0 + 3.5 * (n as f64 * (0.3 + a as f64)).sin())).collect();
+        let found = |points: &[[f64; 3]], instructions: Instructions| {
+            let mut answers = vec![0; points.len()];
+            let (window, answer) = (&window, &|evidence| evidence);
+            let finite = instructions.run(Find { window, voxel_size: 0.5, points, answers: &mut answers, answer });
+            (answers, finite)
+        };
+        let naive: Vec<i32> = points.iter().map(|p| evidence(&grid, each(|a| (p[a] / 0.5).floor() as i32))).collect();
+        assert!(naive.contains(&0) && naive.iter().any(|&value| value != 0));
+        for instructions in Instructions::all() {
+            assert_eq!(found(&points, instructions), (naive.clone(), true), "{instructions:?}");
+            assert!(!found(&[[0.0, f64::NAN, 0.0]], instructions).1, "{instructions:?}");
+        }
+    }
 }

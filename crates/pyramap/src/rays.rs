@@ -16,6 +16,7 @@ use crate::grid::OccupancyGrid;
 use crate::mask::Mask;
 use crate::query::first_row;
 use crate::ray::{Place, Ray, each};
+use crate::simd::Instructions;
 use crate::state::{State, Threshold, Unknown};
 use crate::window::bounds;
 use clearance::Stops;
@@ -63,7 +64,7 @@ impl OccupancyGrid {
         max_range: f64,
         unknown: Unknown,
     ) -> Result<RayHits> {
-        cast(self, &self.rays, origins, directions, max_range, unknown)
+        cast(self, &self.rays, origins, directions, max_range, unknown, Instructions::widest())
     }
 }
 
@@ -78,7 +79,7 @@ pub fn cast_rays(
     max_range: f64,
     unknown: Unknown,
 ) -> Result<RayHits> {
-    cast(blocks, &Kept::default(), origins, directions, max_range, unknown)
+    cast(blocks, &Kept::default(), origins, directions, max_range, unknown, Instructions::widest())
 }
 
 fn cast(
@@ -88,11 +89,13 @@ fn cast(
     directions: &[[f64; 3]],
     max_range: f64,
     unknown: Unknown,
+    instructions: Instructions,
 ) -> Result<RayHits> {
     let voxel_size = blocks.voxel_size();
     check(voxel_size, origins, directions, max_range)?;
     blocks.fetch()?;
-    let space = Space { threshold: Threshold::of(blocks), unknown, max_range: max_range / voxel_size, voxel_size };
+    let threshold = Threshold::of(blocks);
+    let space = Space { threshold, unknown, max_range: max_range / voxel_size, voxel_size, instructions };
     Ok(match kept.window(blocks, &space, origins.len()) {
         Some(window) => cast_chunks(origins, directions, Box::<Lanes>::default, |lanes, chunk| {
             lanes.cast(&space, window, chunk);
@@ -185,6 +188,7 @@ struct Space {
     /// In voxels.
     max_range: f64,
     voxel_size: f64,
+    instructions: Instructions,
 }
 
 const EDGE: i32 = BLOCK_EDGE as i32;
@@ -252,5 +256,40 @@ impl Space {
             }
         }
         None
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::camera::PinholeCamera;
+    use crate::config::GridConfig;
+    use crate::depth::{Depth, DepthImage};
+    use crate::pose::Pose;
+
+    /// Rays through a map, whatever instructions cast them: chunks that are full, one that is not, both kinds of unknown.
+    #[test]
+    fn every_set_of_instructions_finds_the_same() {
+        let mut grid = OccupancyGrid::new(GridConfig::new(0.1).unwrap()).unwrap();
+        let values: Vec<f32> = (0..64 * 48).map(|i| 1.0 + 0.02 * (i % 64) as f32 + 0.3 * (i / 640) as f32).collect();
+        let image = DepthImage::new(Depth::F32(&values), 64, 48).unwrap();
+        let camera = PinholeCamera::new(64, 48, 50.0, 50.0, 31.5, 23.5).unwrap();
+        grid.integrate(&image, &camera, &Pose::identity()).unwrap();
+        let turn = |n: usize, by: f64| (n as f64 * by).sin();
+        let count = 20 * CHUNK + 3;
+        let origins: Vec<_> =
+            (0..count).map(|n| [0.3 * turn(n, 0.7), 0.3 * turn(n, 1.3), 0.8 + 0.5 * turn(n, 2.1)]).collect();
+        let directions: Vec<_> = (0..count).map(|n| [turn(n, 3.1), turn(n, 0.17), 0.01 + turn(n, 5.3)]).collect();
+        for unknown in [Unknown::Occupied, Unknown::Free] {
+            let found = |instructions| {
+                let hits = cast(&grid, &Kept::default(), &origins, &directions, 4.0, unknown, instructions).unwrap();
+                (hits.distance.iter().map(|d| d.to_bits()).collect::<Vec<_>>(), hits.state, hits.voxel)
+            };
+            let expected = found(Instructions::widest());
+            assert!(expected.1.contains(&State::Occupied), "no ray hits anything");
+            for instructions in Instructions::all() {
+                assert!(found(instructions) == expected, "{instructions:?}, {unknown:?}");
+            }
+        }
     }
 }

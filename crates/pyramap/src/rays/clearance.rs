@@ -2,6 +2,7 @@
 
 use crate::block::{BLOCK_EDGE, BLOCK_VOXELS, BlockKey};
 use crate::mask::Mask;
+use crate::simd::{Instructions, Kernel, Simd};
 use crate::window::Window;
 
 /// What stops rays in a block.
@@ -31,20 +32,23 @@ const SIDE: usize = 3 * BLOCK_EDGE;
 /// A bit a voxel of those, by x and y; z is the place of the bit.
 type Bits = [[u32; SIDE]; SIDE];
 
-/// The clearance of a block, found with the widest instructions that the processor has.
-pub fn clearance(stops: &Window<Stops>, key: BlockKey) -> Clearance {
-    #[cfg(target_arch = "x86_64")]
-    {
-        #[target_feature(enable = "avx2")]
-        fn with_avx2(stops: &Window<Stops>, key: BlockKey) -> Clearance {
-            clearance_of(stops, key)
-        }
-        if is_x86_feature_detected!("avx2") {
-            // SAFETY: the processor was just asked.
-            return unsafe { with_avx2(stops, key) };
-        }
+/// The clearance of a block.
+pub fn clearance(stops: &Window<Stops>, key: BlockKey, instructions: Instructions) -> Clearance {
+    instructions.run(Find { stops, key })
+}
+
+struct Find<'a> {
+    stops: &'a Window<Stops>,
+    key: BlockKey,
+}
+
+impl Kernel for Find<'_> {
+    type Output = Clearance;
+
+    #[inline(always)]
+    fn run<S: Simd>(self) -> Clearance {
+        clearance_of(self.stops, self.key)
     }
-    clearance_of(stops, key)
 }
 
 #[inline(always)]

@@ -48,6 +48,7 @@ fn window(blocks: &(impl Blocks + ?Sized), space: &Space) -> Option<Window<Clear
     let everywhere = |clearance| [clearance; BLOCK_VOXELS];
     let all = if space.unknown == Unknown::Occupied { Mask::ALL } else { Mask::NONE };
     let stops = Window::new(blocks, [Stops { all, occupied: Mask::NONE }; 2], |block| space.stops(&block))?;
+    let clearance = |stops: &_, key| clearance(stops, key, space.instructions);
     Some(match space.unknown {
         Unknown::Occupied => stops.map([everywhere(UNKNOWN); 2], clearance),
         Unknown::Free => stops.map_around([everywhere(FARTHEST), everywhere(AROUND)], clearance),

@@ -3,6 +3,7 @@
 use super::clearance::{AROUND, Clearance, OCCUPIED};
 use super::{CHUNK, Chunk, NO_VOXEL, Space};
 use crate::ray::{DOUBT, Directions, ONES, Place, Ray, each, lanes, least, most, to_i32, whole};
+use crate::simd::{Kernel, Simd};
 use crate::state::{State, Unknown};
 use crate::window::{Layout, Window};
 
@@ -39,6 +40,22 @@ pub struct Lanes {
     ended: [u16; CHUNK],
 }
 
+struct Cast<'a> {
+    lanes: &'a mut Lanes,
+    space: &'a Space,
+    window: &'a Window<Clearance>,
+    chunk: Chunk<'a>,
+}
+
+impl Kernel for Cast<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Simd>(self) {
+        self.lanes.cast_all(self.space, self.window, self.chunk);
+    }
+}
+
 impl Default for Lanes {
     fn default() -> Self {
         Self {
@@ -64,32 +81,9 @@ impl Default for Lanes {
 }
 
 impl Lanes {
-    /// Casts the rays of a chunk with the widest instructions that the processor has. Results do not depend on them.
+    /// Casts the rays of a chunk. What comes of it does not depend on the instructions.
     pub fn cast(&mut self, space: &Space, window: &Window<Clearance>, chunk: Chunk) {
-        #[cfg(target_arch = "x86_64")]
-        {
-            #[target_feature(enable = "avx512f,avx512dq,avx512vl,avx512bw")]
-            fn with_avx512(lanes: &mut Lanes, space: &Space, window: &Window<Clearance>, chunk: Chunk) {
-                lanes.cast_all(space, window, chunk);
-            }
-            #[target_feature(enable = "avx2")]
-            fn with_avx2(lanes: &mut Lanes, space: &Space, window: &Window<Clearance>, chunk: Chunk) {
-                lanes.cast_all(space, window, chunk);
-            }
-            let has_avx512 = is_x86_feature_detected!("avx512f")
-                && is_x86_feature_detected!("avx512dq")
-                && is_x86_feature_detected!("avx512vl")
-                && is_x86_feature_detected!("avx512bw");
-            if has_avx512 {
-                // SAFETY: the processor was just asked.
-                return unsafe { with_avx512(self, space, window, chunk) };
-            }
-            if is_x86_feature_detected!("avx2") {
-                // SAFETY: the processor was just asked.
-                return unsafe { with_avx2(self, space, window, chunk) };
-            }
-        }
-        self.cast_all(space, window, chunk);
+        space.instructions.run(Cast { lanes: self, space, window, chunk });
     }
 
     #[inline(always)]
