@@ -249,7 +249,7 @@ def test_numbers_of_a_frame_wait_for_it(on_gpu: Callable[..., pm.OccupancyGrid])
     first, second = (grid.integrate(*frame) for frame in random_frames(2, seed=41))
     assert first.voxels_updated > 0 and second.voxels_updated > 0
     assert grid.num_frames == 2
-    assert set(second.seconds) == {"upload", "ranges", "pyramid", "cull", "update", "readback", "commit"}
+    assert set(second.seconds) == {"upload", "ranges", "pyramid", "cull", "update", "readback", "colour", "commit"}
     assert all(seconds >= 0 for seconds in second.seconds.values()) and second.seconds["update"] > 0
 
 

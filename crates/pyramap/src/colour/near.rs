@@ -1,0 +1,221 @@
+//! What lies near a surface: the part of each pixel's ray, and the blocks that hold these parts.
+
+use crate::block::{BLOCK_EDGE, BlockKey};
+use crate::pose::Pose;
+use crate::ranges::Ranges;
+use crate::sensor::{SensorModel, SurfaceOffset};
+use crate::sensors::Sensor;
+use hashbrown::HashSet;
+use nalgebra::Vector3;
+use rayon::prelude::*;
+
+/// The part of a ray on which voxels take the colour of the surface that the ray meets.
+///
+/// The mesh of a map lies where log-odds are zero, which is in front of the reading by the model's zero crossing, and its
+/// vertices between the centres of neighbouring voxels. So the part runs from the crossing to the reading, whichever is
+/// nearer, and a voxel's diagonal further at both ends: neighbours across a surface that is seen at up to 55 degrees from
+/// straight on lie no further apart along the ray.
+#[derive(Clone, Copy)]
+pub(super) struct Near {
+    /// The crossing less the reading, as a polynomial of the reading.
+    crossing: [f32; 3],
+    margin: f32,
+    /// Farther off no voxel is mapped.
+    max_range: f32,
+}
+
+impl Near {
+    /// For a sensor model; without one (the rule `Rays`) a surface is where the reading is.
+    pub fn new(model: Option<&SensorModel>, voxel_size: f64, max_range: f64) -> Self {
+        let crossing = model.map_or([0.0; 3], |model| match model.surface_offset() {
+            SurfaceOffset::Centred => [0.0; 3],
+            SurfaceOffset::Metres(offset) => {
+                let [s0, s1, s2] = model.sigma().map(|s| -s * model.zero_crossing());
+                [s0 + offset, s1, s2]
+            }
+        });
+        let margin = (3.0f64.sqrt() * voxel_size) as f32;
+        Self { crossing: crossing.map(|c| c as f32), margin, max_range: max_range as f32 }
+    }
+
+    /// From which distance to which, for a reading that is one.
+    #[inline(always)]
+    pub fn part(&self, reading: f32) -> [f32; 2] {
+        let [c0, c1, c2] = self.crossing;
+        let crossing = c0 + reading * (c1 + reading * c2);
+        let before = if crossing < 0.0 { crossing } else { 0.0 };
+        let to = reading + (crossing - before) + self.margin;
+        [reading + before - self.margin, if to < self.max_range { to } else { self.max_range }]
+    }
+}
+
+/// The rays of a sensor's pixels, kept from frame to frame.
+#[derive(Default)]
+pub(super) struct PixelRays {
+    rays: Vec<Ray>,
+    /// Row by row.
+    tiles: Vec<Tile>,
+    /// Pixels along the side of a tile.
+    edge: usize,
+    made_for: Option<Sensor>,
+}
+
+/// A pixel's ray in the sensor's frame; its direction is a unit vector, or NaN for a pixel that sees nothing.
+#[derive(Clone, Copy)]
+struct Ray {
+    start: [f32; 3],
+    direction: [f32; 3],
+}
+
+/// A square of pixels: boxes that hold the starts of their rays, and the directions.
+#[derive(Clone, Copy)]
+struct Tile {
+    start: Around,
+    direction: Around,
+}
+
+/// A box by its middle, and half its extent.
+#[derive(Clone, Copy)]
+struct Around {
+    middle: [f32; 3],
+    half: [f32; 3],
+}
+
+/// A tile is at most so many pixels wide.
+const MAX_EDGE: f64 = 16.0;
+
+impl PixelRays {
+    /// Makes the rays unless they are there, and tiles that are half as wide as a block, or less, where a pixel is so many
+    /// metres wide.
+    pub fn fit(&mut self, sensor: &Sensor, pixel: f64, block: f64) {
+        let edge = (0.5 * block / pixel).clamp(1.0, MAX_EDGE) as usize;
+        if self.made_for.as_ref() == Some(sensor) && self.edge == edge {
+            return;
+        }
+        let (width, height) = (sensor.width(), sensor.height());
+        let ray = |pixel: usize| {
+            let ray = sensor.aligned_ray(pixel % width, pixel / width);
+            let rounded = |v: Vector3<f64>| [v.x as f32, v.y as f32, v.z as f32];
+            Ray { start: rounded(ray.start), direction: rounded(ray.direction) }
+        };
+        (0..width * height).into_par_iter().map(ray).collect_into_vec(&mut self.rays);
+        let (across, down) = (width.div_ceil(edge), height.div_ceil(edge));
+        let rays = &self.rays;
+        let tile = |n: usize| {
+            let rays = || pixels(n, across, edge, width, height).map(|pixel| &rays[pixel]);
+            Tile {
+                start: Around::all(rays().map(|ray| ray.start)),
+                direction: Around::all(rays().map(|ray| ray.direction)),
+            }
+        };
+        self.tiles = (0..across * down).into_par_iter().map(tile).collect();
+        (self.edge, self.made_for) = (edge, Some(sensor.clone()));
+    }
+
+    /// The surface of each pixel, in the sensor's frame; nothing where none was measured.
+    pub fn surfaces<'a>(&'a self, ranges: &'a Ranges) -> impl IndexedParallelIterator<Item = Option<[f32; 3]>> + 'a {
+        let rays = self.rays.par_iter().zip(&ranges.values);
+        let at = |ray: &Ray, range: f32| std::array::from_fn(|axis| ray.start[axis] + range * ray.direction[axis]);
+        rays.map(move |(ray, &range)| is_surface(range).then(|| at(ray, range)))
+    }
+
+    /// The blocks that hold what lies near the surfaces. A voxel belongs to the pixel in which its centre is: `pixel` is
+    /// how wide one is at a metre.
+    pub fn blocks(&self, ranges: &Ranges, near: Near, pose: &Pose, voxel_size: f64, pixel: f32) -> Vec<BlockKey> {
+        /// Tiles that share a set.
+        const TILES: usize = 128;
+        let place = Place::new(pose, voxel_size);
+        let (width, height) = (ranges.width, ranges.height);
+        let across = width.div_ceil(self.edge);
+        let tiles = self.tiles.par_chunks(TILES).enumerate();
+        let sets: Vec<HashSet<BlockKey>> = tiles
+            .map(|(chunk, tiles)| {
+                let mut found = HashSet::new();
+                for (n, tile) in tiles.iter().enumerate() {
+                    let pixels = pixels(chunk * TILES + n, across, self.edge, width, height);
+                    let ranges = pixels.map(|pixel| ranges.values[pixel]).filter(|&range| is_surface(range));
+                    let parts = ranges.map(|range| near.part(range));
+                    let part = parts.fold([f32::INFINITY, 0.0f32], |a, b| [a[0].min(b[0]), a[1].max(b[1])]);
+                    for piece in place.pieces(part) {
+                        found.extend(place.blocks(tile, piece, pixel));
+                    }
+                }
+                found
+            })
+            .collect();
+        let mut keys: Vec<BlockKey> = sets.into_iter().flatten().collect();
+        keys.par_sort_unstable();
+        keys.dedup();
+        keys
+    }
+}
+
+/// The pixels of a tile.
+fn pixels(tile: usize, across: usize, edge: usize, width: usize, height: usize) -> impl Iterator<Item = usize> {
+    let (top, left) = (tile / across * edge, tile % across * edge);
+    let rows = top..(top + edge).min(height);
+    rows.flat_map(move |row| row * width + left..row * width + (left + edge).min(width))
+}
+
+/// Whether a range is that of a surface: there is a reading, and it is finite.
+#[inline(always)]
+pub(super) fn is_surface(range: f32) -> bool {
+    range > 0.0 && range < f32::INFINITY
+}
+
+impl Around {
+    /// The box around some points; those that are NaN count for nothing.
+    fn all(points: impl Iterator<Item = [f32; 3]>) -> Self {
+        let none = [[f32::INFINITY; 3], [f32::NEG_INFINITY; 3]];
+        let [low, high] = points.fold(none, |[low, high], point| {
+            [std::array::from_fn(|a| low[a].min(point[a])), std::array::from_fn(|a| high[a].max(point[a]))]
+        });
+        Self {
+            middle: std::array::from_fn(|a| 0.5 * (low[a] + high[a])),
+            half: std::array::from_fn(|a| 0.5 * (high[a] - low[a])),
+        }
+    }
+}
+
+/// The sensor among the blocks.
+struct Place {
+    rotation: [[f32; 3]; 3],
+    translation: Vector3<f64>,
+    block: f64,
+}
+
+impl Place {
+    fn new(pose: &Pose, voxel_size: f64) -> Self {
+        let rotation = std::array::from_fn(|r| std::array::from_fn(|c| pose.rotation[(r, c)] as f32));
+        Self { rotation, translation: pose.translation, block: BLOCK_EDGE as f64 * voxel_size }
+    }
+
+    /// Pieces of half a block or less, so that a box around one holds few blocks.
+    fn pieces(&self, [from, to]: [f32; 2]) -> impl Iterator<Item = [f32; 2]> + use<> {
+        let from = from.max(0.0);
+        let count = ((to - from).max(0.0) / (0.5 * self.block as f32)).ceil();
+        let step = (to - from) / count;
+        (0..count as u32).map(move |n| [from + n as f32 * step, from + (n + 1) as f32 * step])
+    }
+
+    /// The blocks around a piece of a tile's rays, and a pixel beyond it on all sides.
+    fn blocks(&self, tile: &Tile, piece: [f32; 2], pixel: f32) -> impl Iterator<Item = BlockKey> + use<> {
+        let beyond = pixel * piece[1];
+        let (mut low, mut high) = ([0; 3], [0; 3]);
+        for axis in 0..3 {
+            let row = self.rotation[axis];
+            let ends = piece.map(|range| {
+                let (mut middle, mut half) = (0.0, beyond);
+                for (a, along) in row.into_iter().enumerate() {
+                    middle += along * (tile.start.middle[a] + range * tile.direction.middle[a]);
+                    half += along.abs() * (tile.start.half[a] + range * tile.direction.half[a]);
+                }
+                [middle - half, middle + half]
+            });
+            let block = |x: f32| ((self.translation[axis] + f64::from(x)) / self.block).floor() as i32;
+            (low[axis], high[axis]) = (block(ends[0][0].min(ends[1][0])), block(ends[0][1].max(ends[1][1])));
+        }
+        let plane = move |x| (low[1]..=high[1]).flat_map(move |y| (low[2]..=high[2]).map(move |z| [x, y, z]));
+        (low[0]..=high[0]).flat_map(plane)
+    }
+}
