@@ -63,7 +63,8 @@ def mesh_image(
         normals: (V, 3) unit normals for smooth shading; without them each face is flat.
         hide_backs: Leave out the faces that show their back, so that one looks through ceilings and outer walls into
             rooms; otherwise they are drawn in blue.
-        colours: (V, 3) uint8 RGB of fronts; without them they are a warm white.
+        colours: (V, 3) uint8 RGB of fronts, or (V, 4) with 0 in the last column for vertices without one, as in a map's
+            mesh; what has none is a warm white.
 
     Returns:
         (height, width, 3) uint8 image.
@@ -82,6 +83,7 @@ def mesh_image(
     image = np.full((height, width, 3), BACKGROUND, dtype=np.float32)
     if len(triangles) == 0:
         return image.astype(np.uint8)
+    colours = None if colours is None else _with_fronts(np.asarray(colours))
     at_vertices = (None if values is None else np.asarray(values, dtype=np.float32) for values in (normals, colours))
     surface = _Surface(points, triangles, *at_vertices)
 
@@ -178,6 +180,11 @@ class _Surface:
         openness = np.ones(positions.shape[:2], dtype=np.float32)
         openness[y, x] = 1 - blocked / _TILE_RAYS
         return openness
+
+
+def _with_fronts(colours: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """(V, 3) colours, those of vertices that have none replaced."""
+    return colours if colours.shape[1] == 3 else np.where(colours[:, 3:] > 0, colours[:, :3], np.array(FRONT, np.uint8))
 
 
 def _shows_front(points: Floats, triangles: NDArray[np.int32], view: View) -> NDArray[np.bool_]:
