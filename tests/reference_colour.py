@@ -47,11 +47,16 @@ def surfaces(points: Floats, depth: NDArray[Any], camera: pm.PinholeCamera) -> t
 
 
 def band(measured: Floats, sigma: float, offset: float, voxel_size: float, max_range: float) -> tuple[Floats, Floats]:
-    """From where to where voxels have the colour of a surface: k = sigma, for an offset in metres."""
+    """From where to where voxels have the colour of a surface, for k = sigma and an offset in metres.
+
+    From a voxel's diagonal in front of the zero of log-odds to where these are within half a step of 2^-12 of nothing,
+    or would be if they were as steep as in front: there they change by (a + 0.2) / (0.3 * 0.7) when g changes by one.
+    """
     a = 1 / math.sqrt(2 * math.pi)
-    crossing = measured + offset - sigma * math.sqrt(2 * math.log((a + 0.2) / 0.2))
+    zero = measured + offset - sigma * math.sqrt(2 * math.log((a + 0.2) / 0.2))
+    end = measured + offset + sigma * math.sqrt(2 * math.log((a + 0.2) / (0.3 * 0.7) / 2.0**-13))
     diagonal = math.sqrt(3) * voxel_size
-    return np.minimum(crossing, measured) - diagonal, np.minimum(np.maximum(crossing, measured) + diagonal, max_range)
+    return np.minimum(zero, measured) - diagonal, np.minimum(np.maximum(end, measured + diagonal), max_range)
 
 
 def halved(image: Colours) -> Colours:

@@ -9,43 +9,49 @@ use hashbrown::HashSet;
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
-/// The part of a ray on which voxels take the colour of the surface that the ray meets.
+/// The part of a ray on which voxels take the colour of the surface that the ray meets: where the reading speaks for
+/// occupied space, and a voxel's diagonal in front of that.
 ///
-/// The mesh of a map lies where log-odds are zero, which is in front of the reading by the model's zero crossing, and its
-/// vertices between the centres of neighbouring voxels. So the part runs from the crossing to the reading, whichever is
-/// nearer, and a voxel's diagonal further at both ends: neighbours across a surface that is seen at up to 55 degrees from
-/// straight on lie no further apart along the ray.
+/// The mesh of a map lies where log-odds are zero, between the centres of neighbouring voxels. For one reading that is
+/// where the sensor model crosses zero, in front of the surface; neighbours across a surface that is seen at up to 55
+/// degrees from straight on lie no further apart along the ray than the diagonal. At the edges of things the mesh goes
+/// back along the rays, as far as the reading says anything.
 #[derive(Clone, Copy)]
 pub(super) struct Near {
-    /// The crossing less the reading, as a polynomial of the reading.
+    /// Where the model crosses zero, and from where on it says nothing: from the reading, as polynomials of it.
     crossing: [f32; 3],
-    margin: f32,
+    hidden: [f32; 3],
+    diagonal: f32,
     /// Farther off no voxel is mapped.
     max_range: f32,
 }
 
 impl Near {
-    /// For a sensor model; without one (the rule `Rays`) a surface is where the reading is.
+    /// For a sensor model; without one (the rule `Rays`) all is at the reading.
     pub fn new(model: Option<&SensorModel>, voxel_size: f64, max_range: f64) -> Self {
-        let crossing = model.map_or([0.0; 3], |model| match model.surface_offset() {
-            SurfaceOffset::Centred => [0.0; 3],
-            SurfaceOffset::Metres(offset) => {
-                let [s0, s1, s2] = model.sigma().map(|s| -s * model.zero_crossing());
-                [s0 + offset, s1, s2]
-            }
+        let [crossing, hidden] = model.map_or([[0.0; 3]; 2], |model| {
+            let (zero, end) = (model.zero_crossing(), model.cutoff());
+            let from_reading = |sigmas: f64| match model.surface_offset() {
+                SurfaceOffset::Centred => model.sigma().map(|s| (zero + sigmas) * s),
+                SurfaceOffset::Metres(offset) => {
+                    let [s0, s1, s2] = model.sigma().map(|s| sigmas * s);
+                    [offset + s0, s1, s2]
+                }
+            };
+            [from_reading(-zero), from_reading(end)].map(|polynomial| polynomial.map(|c| c as f32))
         });
-        let margin = (3.0f64.sqrt() * voxel_size) as f32;
-        Self { crossing: crossing.map(|c| c as f32), margin, max_range: max_range as f32 }
+        Self { crossing, hidden, diagonal: (3.0f64.sqrt() * voxel_size) as f32, max_range: max_range as f32 }
     }
 
-    /// From which distance to which, for a reading that is one.
+    /// From which distance to which, for a reading that is one. The reading itself lies within, whatever the model.
     #[inline(always)]
     pub fn part(&self, reading: f32) -> [f32; 2] {
-        let [c0, c1, c2] = self.crossing;
-        let crossing = c0 + reading * (c1 + reading * c2);
+        let at = |[c0, c1, c2]: [f32; 3]| c0 + reading * (c1 + reading * c2);
+        let (crossing, hidden) = (at(self.crossing), at(self.hidden));
         let before = if crossing < 0.0 { crossing } else { 0.0 };
-        let to = reading + (crossing - before) + self.margin;
-        [reading + before - self.margin, if to < self.max_range { to } else { self.max_range }]
+        let behind = if hidden > self.diagonal { hidden } else { self.diagonal };
+        let to = reading + behind;
+        [reading + before - self.diagonal, if to < self.max_range { to } else { self.max_range }]
     }
 }
 
