@@ -73,6 +73,13 @@ struct Ray {
     direction: [f32; 3],
 }
 
+impl Ray {
+    #[inline(always)]
+    fn at(&self, range: f32) -> [f32; 3] {
+        std::array::from_fn(|axis| self.start[axis] + range * self.direction[axis])
+    }
+}
+
 /// A square of pixels: boxes that hold the starts of their rays, and the directions.
 #[derive(Clone, Copy)]
 struct Tile {
@@ -108,7 +115,9 @@ impl PixelRays {
         let (across, down) = (width.div_ceil(edge), height.div_ceil(edge));
         let rays = &self.rays;
         let tile = |n: usize| {
-            let rays = || pixels(n, across, edge, width, height).map(|pixel| &rays[pixel]);
+            let (top, left) = corner(n, width, edge);
+            let rows = top..(top + edge).min(height);
+            let rays = || rows.clone().flat_map(|row| &rays[row * width..][left..(left + edge).min(width)]);
             Tile {
                 start: Around::all(rays().map(|ray| ray.start)),
                 direction: Around::all(rays().map(|ray| ray.direction)),
@@ -118,11 +127,14 @@ impl PixelRays {
         (self.edge, self.made_for) = (edge, Some(sensor.clone()));
     }
 
-    /// The surface of each pixel, in the sensor's frame; nothing where none was measured.
-    pub fn surfaces<'a>(&'a self, ranges: &'a Ranges) -> impl IndexedParallelIterator<Item = Option<[f32; 3]>> + 'a {
-        let rays = self.rays.par_iter().zip(&ranges.values);
-        let at = |ray: &Ray, range: f32| std::array::from_fn(|axis| ray.start[axis] + range * ray.direction[axis]);
-        rays.map(move |(ray, &range)| is_surface(range).then(|| at(ray, range)))
+    /// The surfaces that were measured, in the sensor's frame: of every `step`-th pixel of every `step`-th row.
+    pub fn surfaces<'a>(&'a self, ranges: &'a Ranges, step: usize) -> impl ParallelIterator<Item = [f32; 3]> + 'a {
+        let width = ranges.width;
+        let rows = self.rays.par_chunks(step * width).zip(ranges.values.par_chunks(step * width)).with_min_len(8);
+        rows.flat_map_iter(move |(rays, ranges)| {
+            let pixels = rays[..width].iter().zip(&ranges[..width]).step_by(step);
+            pixels.filter(|(_, range)| is_surface(**range)).map(|(ray, range)| ray.at(*range))
+        })
     }
 
     /// The blocks that hold what lies near the surfaces. A voxel belongs to the pixel in which its centre is: `pixel` is
@@ -131,19 +143,18 @@ impl PixelRays {
         /// Tiles that share a set.
         const TILES: usize = 128;
         let place = Place::new(pose, voxel_size);
-        let (width, height) = (ranges.width, ranges.height);
-        let across = width.div_ceil(self.edge);
         let tiles = self.tiles.par_chunks(TILES).enumerate();
         let sets: Vec<HashSet<BlockKey>> = tiles
             .map(|(chunk, tiles)| {
-                let mut found = HashSet::new();
+                let (mut found, mut last) = (HashSet::new(), None);
                 for (n, tile) in tiles.iter().enumerate() {
-                    let pixels = pixels(chunk * TILES + n, across, self.edge, width, height);
-                    let ranges = pixels.map(|pixel| ranges.values[pixel]).filter(|&range| is_surface(range));
-                    let parts = ranges.map(|range| near.part(range));
-                    let part = parts.fold([f32::INFINITY, 0.0f32], |a, b| [a[0].min(b[0]), a[1].max(b[1])]);
-                    for piece in place.pieces(part) {
-                        found.extend(place.blocks(tile, piece, pixel));
+                    let Some([least, most]) = self.span(chunk * TILES + n, ranges) else { continue };
+                    for piece in place.pieces([near.part(least)[0], near.part(most)[1]]) {
+                        let blocks = place.blocks(tile, piece, pixel);
+                        if last != Some(blocks) {
+                            found.extend(all_between(blocks));
+                            last = Some(blocks);
+                        }
                     }
                 }
                 found
@@ -154,13 +165,25 @@ impl PixelRays {
         keys.dedup();
         keys
     }
+
+    /// The nearest and the farthest surface of a tile; nothing if it has none.
+    fn span(&self, tile: usize, ranges: &Ranges) -> Option<[f32; 2]> {
+        let (top, left) = corner(tile, ranges.width, self.edge);
+        let (mut least, mut most) = (f32::INFINITY, 0.0);
+        for row in top..(top + self.edge).min(ranges.height) {
+            for &range in &ranges.values[row * ranges.width..][left..(left + self.edge).min(ranges.width)] {
+                least = if is_surface(range) & (range < least) { range } else { least };
+                most = if is_surface(range) & (range > most) { range } else { most };
+            }
+        }
+        (most > 0.0).then_some([least, most])
+    }
 }
 
-/// The pixels of a tile.
-fn pixels(tile: usize, across: usize, edge: usize, width: usize, height: usize) -> impl Iterator<Item = usize> {
-    let (top, left) = (tile / across * edge, tile % across * edge);
-    let rows = top..(top + edge).min(height);
-    rows.flat_map(move |row| row * width + left..row * width + (left + edge).min(width))
+/// The first row and column of a tile.
+fn corner(tile: usize, width: usize, edge: usize) -> (usize, usize) {
+    let across = width.div_ceil(edge);
+    (tile / across * edge, tile % across * edge)
 }
 
 /// Whether a range is that of a surface: there is a reading, and it is finite.
@@ -196,16 +219,17 @@ impl Place {
         Self { rotation, translation: pose.translation, block: BLOCK_EDGE as f64 * voxel_size }
     }
 
-    /// Pieces of half a block or less, so that a box around one holds few blocks.
+    /// Pieces of a quarter of a block or less, so that a box around one holds few blocks.
     fn pieces(&self, [from, to]: [f32; 2]) -> impl Iterator<Item = [f32; 2]> + use<> {
         let from = from.max(0.0);
-        let count = ((to - from).max(0.0) / (0.5 * self.block as f32)).ceil();
+        let count = ((to - from).max(0.0) / (0.25 * self.block as f32)).ceil();
         let step = (to - from) / count;
         (0..count as u32).map(move |n| [from + n as f32 * step, from + (n + 1) as f32 * step])
     }
 
-    /// The blocks around a piece of a tile's rays, and a pixel beyond it on all sides.
-    fn blocks(&self, tile: &Tile, piece: [f32; 2], pixel: f32) -> impl Iterator<Item = BlockKey> + use<> {
+    /// The first and last of the blocks around a piece of a tile's rays, and a pixel beyond it on all sides.
+    #[inline(always)]
+    fn blocks(&self, tile: &Tile, piece: [f32; 2], pixel: f32) -> [BlockKey; 2] {
         let beyond = pixel * piece[1];
         let (mut low, mut high) = ([0; 3], [0; 3]);
         for axis in 0..3 {
@@ -221,7 +245,11 @@ impl Place {
             let block = |x: f32| ((self.translation[axis] + f64::from(x)) / self.block).floor() as i32;
             (low[axis], high[axis]) = (block(ends[0][0].min(ends[1][0])), block(ends[0][1].max(ends[1][1])));
         }
-        let plane = move |x| (low[1]..=high[1]).flat_map(move |y| (low[2]..=high[2]).map(move |z| [x, y, z]));
-        (low[0]..=high[0]).flat_map(plane)
+        [low, high]
     }
+}
+
+fn all_between([low, high]: [BlockKey; 2]) -> impl Iterator<Item = BlockKey> {
+    let plane = move |x| (low[1]..=high[1]).flat_map(move |y| (low[2]..=high[2]).map(move |z| [x, y, z]));
+    (low[0]..=high[0]).flat_map(plane)
 }

@@ -90,7 +90,7 @@ impl Sight {
         eye: &Eye,
         image: &ColourImage,
         spacing: f64,
-        points: impl IndexedParallelIterator<Item = Option<[f32; 3]>>,
+        points: impl ParallelIterator<Item = [f32; 3]>,
     ) {
         let (width, height) = (image.camera.width, image.camera.height);
         // Cells wider than the distance of two points, so that a surface leaves none of them empty.
@@ -98,9 +98,13 @@ impl Sight {
         (self.columns, self.rows, self.cell) = (width.div_ceil(cell), height.div_ceil(cell), cell as f32);
         self.nearest.clear();
         self.nearest.resize_with(self.columns * self.rows, || AtomicU32::new(f32::INFINITY.to_bits()));
-        points.with_min_len(4096).for_each(|point| {
-            if let Some(Projected { u, v, range, .. }) = point.and_then(|point| eye.project(point)) {
-                self.nearest[self.cell_of(u, v)].fetch_min(range.to_bits(), Ordering::Relaxed);
+        points.for_each(|point| {
+            if let Some(Projected { u, v, range, .. }) = eye.project(point) {
+                let (nearest, bits) = (&self.nearest[self.cell_of(u, v)], range.to_bits());
+                // Most are no nearer than what is there, and to look is cheaper than to exchange.
+                if bits < nearest.load(Ordering::Relaxed) {
+                    nearest.fetch_min(bits, Ordering::Relaxed);
+                }
             }
         });
     }

@@ -80,8 +80,10 @@ impl ColourStage {
         self.rays.fit(sensor, pixel * farthest, BLOCK_EDGE as f64 * view.voxel_size);
         let displaced = colour.depth_from_colour.translation.norm() > 0.0;
         if displaced {
+            // Two neighbouring pixels are about so many pixels of the colour image apart; no more than two are enough.
             let spacing = colour.camera.focal_length() / focal;
-            self.sight.compute(&eye, colour, spacing, self.rays.surfaces(&self.ranges));
+            let step = (2.0 / spacing).max(1.0) as usize;
+            self.sight.compute(&eye, colour, step as f64 * spacing, self.rays.surfaces(&self.ranges, step));
         }
         let keys = self.rays.blocks(&self.ranges, near, &view.pose, view.voxel_size, pixel as f32);
         let frame = Frame {
