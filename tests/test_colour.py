@@ -14,6 +14,7 @@ import pytest
 import trimesh
 from frames import CAMERA, IDENTITY, MAX_RANGE, make_grid, map_bytes, random_frames, wall
 from numpy.typing import NDArray
+from pyramap import pictures, report
 from reference_colour import expected_colours
 
 Floats = NDArray[np.float64]
@@ -478,3 +479,20 @@ def test_any_strides_will_do(tmp_path: Path) -> None:
     for image in (np.asfortranarray(GOOD.colour), GOOD.colour[::-1][::-1], GOOD.colour[..., ::-1].copy()[..., ::-1]):
         image.setflags(write=False)
         assert map_bytes(coloured([GOOD._replace(colour=image)]), tmp_path) == expected
+
+
+def test_pages_have_the_colours_of_the_mesh() -> None:
+    red = np.full((CAMERA.height, CAMERA.width, 3), (230, 10, 20), np.uint8)
+    painted, plain = make_grid(backend="cpu", colour=True), make_grid(backend="cpu")
+    painted.integrate(*wall(1.3), colour=red)
+    plain.integrate(*wall(1.3))
+    mesh = painted.mesh()
+    assert mesh.colours is not None
+    opaque = pictures.opaque(mesh.colours)
+    assert opaque.shape == (len(mesh.vertices), 3)
+    assert (opaque[mesh.colours[:, 3] > 0] == (230, 10, 20)).all()
+    assert (opaque[mesh.colours[:, 3] == 0] == pictures.FRONT).all()
+    # The page's surface has no fewer vertices than the mesh, since it is small.
+    shown = report.make(painted, mesh, "red", [], (0, -1, 0)).geometry.colours
+    np.testing.assert_array_equal(shown, opaque)
+    assert report.make(plain, plain.mesh(), "plain", [], (0, -1, 0)).geometry.colours is None

@@ -83,7 +83,7 @@ def mesh_image(
     image = np.full((height, width, 3), BACKGROUND, dtype=np.float32)
     if len(triangles) == 0:
         return image.astype(np.uint8)
-    colours = None if colours is None else _with_fronts(np.asarray(colours))
+    colours = None if colours is None else opaque(np.asarray(colours))
     at_vertices = (None if values is None else np.asarray(values, dtype=np.float32) for values in (normals, colours))
     surface = _Surface(points, triangles, *at_vertices)
 
@@ -103,6 +103,11 @@ def mesh_image(
         openness[rows] = surface.openness(positions[rows], facing[rows], reach)
     openness = _mean_over_tiles(openness, positions, facing, reach)
     return np.asarray(np.round(image * (_DARKEST + (1 - _DARKEST) * openness[..., None])), dtype=np.uint8)
+
+
+def opaque(colours: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """(V, 3) colours for every vertex, out of the (V, 4) of a map's mesh: those that have none get that of a front."""
+    return colours if colours.shape[1] == 3 else np.where(colours[:, 3:] > 0, colours[:, :3], np.array(FRONT, np.uint8))
 
 
 @dataclass(frozen=True)
@@ -180,11 +185,6 @@ class _Surface:
         openness = np.ones(positions.shape[:2], dtype=np.float32)
         openness[y, x] = 1 - blocked / _TILE_RAYS
         return openness
-
-
-def _with_fronts(colours: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """(V, 3) colours, those of vertices that have none replaced."""
-    return colours if colours.shape[1] == 3 else np.where(colours[:, 3:] > 0, colours[:, :3], np.array(FRONT, np.uint8))
 
 
 def _shows_front(points: Floats, triangles: NDArray[np.int32], view: View) -> NDArray[np.bool_]:
