@@ -16,8 +16,8 @@ from .colour import ColourRef
 class Frame:
     """A depth image, ready to be fused: `grid.integrate(frame.depth, frame.camera, frame.world_from_camera)`.
 
-    With its colour, into a map that keeps colours: `grid.integrate(..., colour=frame.colour,
-    colour_camera=frame.colour_camera, depth_from_colour=frame.depth_from_colour)`. All three are None if it has none.
+    For a map that keeps colours, give `integrate` the frame's `colour`, `colour_camera` and `depth_from_colour` too,
+    under these names; all three are None if it has none.
 
     Attributes:
         index: the frame's number in its data set, whichever part of the data set is read.
