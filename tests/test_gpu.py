@@ -249,7 +249,7 @@ def test_numbers_of_a_frame_wait_for_it(on_gpu: Callable[..., pm.OccupancyGrid])
     first, second = (grid.integrate(*frame) for frame in random_frames(2, seed=41))
     assert first.voxels_updated > 0 and second.voxels_updated > 0
     assert grid.num_frames == 2
-    assert set(second.seconds) == {"upload", "ranges", "pyramid", "cull", "update", "readback", "commit"}
+    assert set(second.seconds) == {"upload", "ranges", "pyramid", "cull", "update", "readback", "colour", "commit"}
     assert all(seconds >= 0 for seconds in second.seconds.values()) and second.seconds["update"] > 0
 
 
@@ -429,3 +429,43 @@ def test_frames_of_several_sensors(on_gpu: Callable[..., pm.OccupancyGrid], upda
     for arguments, sensor in frames:
         gpu.remove(camera=sensor, world_from_camera=IDENTITY, **arguments)
     assert (gpu.num_blocks, gpu.num_frames) == (0, 0)
+
+
+def test_colours_are_those_of_the_cpu(on_gpu: Callable[..., pm.OccupancyGrid], tmp_path: Path) -> None:
+    """In every bit, whatever the device: they are worked out beside it. Frames overlap, and are taken off."""
+    frames = random_frames(4, seed=60)
+    images = [
+        np.random.default_rng(n).integers(0, 256, (*frame.depth.shape, 3), dtype=np.uint8)
+        for n, frame in enumerate(frames)
+    ]
+    place = np.eye(4)
+    place[0, 3] = 0.03
+    gpu, cpu = on_gpu(colour=True), make_grid(backend="cpu", colour=True)
+    empty = map_bytes(on_gpu(colour=True), tmp_path)
+    for grid in (gpu, cpu):
+        for frame, image in zip(frames, images, strict=True):
+            grid.integrate(*frame, colour=image, depth_from_colour=place)
+    points = np.random.default_rng(61).uniform(-2.5, 2.5, (200_000, 3))
+    colours = cpu.colour(points)
+    assert np.count_nonzero(colours[:, 3]) > 1000
+    np.testing.assert_array_equal(gpu.colour(points), colours)
+    gpu.save(tmp_path / "gpu.pmap")
+    np.testing.assert_array_equal(pm.OccupancyGrid.load(tmp_path / "gpu.pmap", backend="cpu").colour(points), colours)
+    mesh = gpu.mesh()
+    assert mesh.colours is not None and mesh.colours[:, 3].any()
+    for frame, image in zip(frames, images, strict=True):
+        gpu.remove(*frame, colour=image, depth_from_colour=place)
+    assert map_bytes(gpu, tmp_path) == empty
+
+
+def test_a_frame_that_does_not_fit_leaves_its_colours_out_too(on_gpu: Callable[..., pm.OccupancyGrid]) -> None:
+    image = np.full((CAMERA.height, CAMERA.width, 3), 200, np.uint8)
+    grid = on_gpu(colour=True, max_bytes=500_000)
+    grid.integrate(*wall(1.0), colour=image)
+    with pytest.raises(pm.MapFullError):
+        grid.integrate(*wall(2.5), colour=image)
+        grid.synchronize()
+    assert grid.colour([[0.0, 0.0, 1.0], [0.0, 0.0, 2.5]]).tolist() == [[200, 200, 200, 255], [0, 0, 0, 0]]
+    assert grid.num_frames == 1
+    grid.integrate(*wall(2.5))
+    assert grid.num_frames == 2, "without its colour it fits"

@@ -386,7 +386,7 @@ def test_num_observed_counts_what_the_first_frame_updated() -> None:
     stats = grid.integrate(*FRAMES[0])
     assert stats.voxels_updated == grid.num_observed > 0
     assert stats.blocks_free + stats.blocks_mixed >= grid.num_blocks
-    assert list(stats.seconds) == ["upload", "ranges", "pyramid", "cull", "update", "readback", "commit"]
+    assert list(stats.seconds) == ["upload", "ranges", "pyramid", "cull", "update", "readback", "colour", "commit"]
     assert all(0 <= seconds < 60 for seconds in stats.seconds.values())
 
 

@@ -187,6 +187,7 @@ class OccupancyGrid:
         prior: float = 0.5,
         beyond_max_range: _BeyondMaxRange = "free",
         adapter: str | None = None,
+        colour: bool = False,
     ) -> Self: ...
     @staticmethod
     def load(path: str | PathLike[str], backend: _Backend = "auto", adapter: str | None = None) -> OccupancyGrid: ...
@@ -202,6 +203,9 @@ class OccupancyGrid:
         *,
         ranges: _Depth | None = None,
         sensor_model: SensorModel | None = None,
+        colour: NDArray[np.uint8] | None = None,
+        colour_camera: PinholeCamera | None = None,
+        depth_from_colour: ArrayLike | None = None,
     ) -> FrameStats: ...
     def remove(
         self,
@@ -212,6 +216,9 @@ class OccupancyGrid:
         *,
         ranges: _Depth | None = None,
         sensor_model: SensorModel | None = None,
+        colour: NDArray[np.uint8] | None = None,
+        colour_camera: PinholeCamera | None = None,
+        depth_from_colour: ArrayLike | None = None,
     ) -> FrameStats: ...
     def synchronize(self) -> None: ...
     def reintegrate(
@@ -224,6 +231,9 @@ class OccupancyGrid:
         *,
         ranges: _Depth | None = None,
         sensor_model: SensorModel | None = None,
+        colour: NDArray[np.uint8] | None = None,
+        colour_camera: PinholeCamera | None = None,
+        depth_from_colour: ArrayLike | None = None,
     ) -> FrameStats: ...
     def decay(
         self,
@@ -239,6 +249,7 @@ class OccupancyGrid:
     def log_odds(self, points: ArrayLike, interpolation: _Interpolation = "nearest") -> NDArray[np.float32]: ...
     def probability(self, points: ArrayLike, interpolation: _Interpolation = "nearest") -> NDArray[np.float32]: ...
     def state(self, points: ArrayLike) -> NDArray[np.int8]: ...
+    def colour(self, points: ArrayLike) -> NDArray[np.uint8]: ...
     def cast_rays(
         self, origins: ArrayLike, directions: ArrayLike, max_range: float, unknown: Literal["stop", "pass"] = "stop"
     ) -> RayHits: ...
@@ -300,6 +311,8 @@ class OccupancyGrid:
     def prior(self) -> float: ...
     @property
     def beyond_max_range(self) -> _BeyondMaxRange: ...
+    @property
+    def has_colour(self) -> bool: ...
 
 @final
 class FrameStats:
@@ -314,7 +327,7 @@ class FrameStats:
     @property
     def seconds(
         self,
-    ) -> dict[Literal["upload", "ranges", "pyramid", "cull", "update", "readback", "commit"], float]: ...
+    ) -> dict[Literal["upload", "ranges", "pyramid", "cull", "update", "readback", "colour", "commit"], float]: ...
 
 @final
 class DistanceField:
@@ -361,6 +374,8 @@ class Mesh:
     def faces(self) -> NDArray[np.uint32]: ...
     @property
     def normals(self) -> NDArray[np.float32]: ...
+    @property
+    def colours(self) -> NDArray[np.uint8] | None: ...
     def to_trimesh(self) -> trimesh.Trimesh: ...
 
 @final

@@ -87,7 +87,7 @@ impl<'py> ImageArray<'py> {
 }
 
 /// The array as one of `T`, C-contiguous and aligned (copied if it is not); `None` if its elements are others.
-fn typed<'py, T: Element>(array: &Bound<'py, PyUntypedArray>) -> PyResult<Option<PyReadonlyArrayDyn<'py, T>>> {
+pub fn typed<'py, T: Element>(array: &Bound<'py, PyUntypedArray>) -> PyResult<Option<PyReadonlyArrayDyn<'py, T>>> {
     if array.cast::<PyArrayDyn<T>>().is_err() {
         return Ok(None);
     }

@@ -1,6 +1,8 @@
 //! Change: `decay`, `clear`, `crop`, `reintegrate`, and what is recorded of them.
 
 use crate::arrays;
+use crate::camera::PinholeCamera;
+use crate::colour::ColourArguments;
 use crate::errors::to_py;
 use crate::grid::{FrameArguments, OccupancyGrid};
 use crate::sensor::SensorModel;
@@ -39,7 +41,7 @@ impl OccupancyGrid {
     /// Weakens what the map knows: all evidence, or that of a region, is multiplied by a factor and rounded towards zero.
     ///
     /// What was seen long ago then counts less than what is seen now, and a voxel whose evidence comes to nothing is
-    /// unknown again. This never happens on its own. It is recorded (`num_decays`, `decay_product`, and in the file), and
+    /// unknown again. Colours stay as they are. This never happens on its own. It is recorded (`num_decays`, `decay_product`, and in the file), and
     /// frames cannot be removed afterwards. A call that finds nothing to weaken is not recorded.
     ///
     /// Rounding takes at least one step of 2^-12 from the log-odds of each voxel at each call: decay once a second or a
@@ -71,7 +73,7 @@ impl OccupancyGrid {
         self.change(py, |grid| grid.decay(factor, region.as_ref()))
     }
 
-    /// Forgets a region: its voxels are unknown again.
+    /// Forgets a region: its voxels are unknown again, and without colour.
     ///
     /// It is recorded (`num_erasures`, and in the file), and frames cannot be removed afterwards: in the region that would
     /// leave the opposite of what they said, and the map does not know which of them came after it was cleared. A call
@@ -117,6 +119,9 @@ impl OccupancyGrid {
     ///     depth_scale: As before.
     ///     ranges: As before.
     ///     sensor_model: As before.
+    ///     colour: As before.
+    ///     colour_camera: As before.
+    ///     depth_from_colour: As before.
     ///
     /// Returns:
     ///     What the frame did at its new pose, and the time that took.
@@ -125,7 +130,8 @@ impl OccupancyGrid {
     ///     ValueError: As for `remove` and `integrate`; the message says which pose is meant.
     ///     MapFullError: If the map would take more than `max_bytes`.
     #[pyo3(signature = (depth = None, camera = None, old_pose = None, new_pose = None, depth_scale = None, *,
-                        ranges = None, sensor_model = None))]
+                        ranges = None, sensor_model = None, colour = None, colour_camera = None,
+                        depth_from_colour = None))]
     #[expect(clippy::too_many_arguments, reason = "keyword arguments in Python")]
     fn reintegrate(
         &self,
@@ -137,8 +143,12 @@ impl OccupancyGrid {
         depth_scale: Option<f64>,
         ranges: Option<&Bound<'_, PyAny>>,
         sensor_model: Option<SensorModel>,
+        colour: Option<&Bound<'_, PyAny>>,
+        colour_camera: Option<PinholeCamera>,
+        depth_from_colour: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<FrameStats> {
-        let frame = FrameArguments { depth, camera, depth_scale, ranges, sensor_model }.check()?;
+        let colour = ColourArguments { colour, colour_camera, depth_from_colour };
+        let frame = FrameArguments { depth, camera, depth_scale, ranges, sensor_model, colour }.check()?;
         let image = frame.image()?;
         let (old_pose, new_pose) = (pose(old_pose, "old_pose")?, pose(new_pose, "new_pose")?);
         let stats = self.change(py, |grid| grid.reintegrate(&image, &frame.sensor, &old_pose, &new_pose))?;

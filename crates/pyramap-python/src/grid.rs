@@ -1,6 +1,8 @@
 //! `OccupancyGrid`.
 
 use crate::arrays::{self, ImageArray};
+use crate::camera::PinholeCamera;
+use crate::colour::{ColourArguments, ColourArray};
 use crate::devices::Choice;
 use crate::errors::to_py;
 use crate::mesh::Mesh;
@@ -48,6 +50,9 @@ use std::sync::{Arc, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
 ///         nothing, as if there were no reading.
 ///     adapter: Part of the name of the GPU to use, in whatever case; see `devices`. The environment's PYRAMAP_ADAPTER
 ///         says the same. Default: the best there is. A software adapter is used only if it is named.
+///     colour: Keep a mean colour of the voxels near surfaces, of frames that have a colour image: 4 KB a block of
+///         8 x 8 x 8 voxels near a surface, 8 KB where many frames see it; `nbytes` counts them. Done on the CPU, beside a
+///         GPU if the map is on one.
 ///
 /// Raises:
 ///     ValueError: If a parameter is out of its range; the message names it.
@@ -142,7 +147,7 @@ impl OccupancyGrid {
     }
 
     /// A parameter of the map, which no frame changes.
-    fn parameter<T: Send>(&self, py: Python<'_>, get: impl FnOnce(&pyramap::OccupancyGrid) -> T + Send) -> T {
+    pub fn parameter<T: Send>(&self, py: Python<'_>, get: impl FnOnce(&pyramap::OccupancyGrid) -> T + Send) -> T {
         py.detach(|| get(&self.0.read().unwrap_or_else(PoisonError::into_inner)))
     }
 
@@ -169,12 +174,14 @@ pub struct FrameArguments<'a, 'py> {
     pub depth_scale: Option<f64>,
     pub ranges: Option<&'a Bound<'py, PyAny>>,
     pub sensor_model: Option<SensorModel>,
+    pub colour: ColourArguments<'a, 'py>,
 }
 
 /// A frame held for the length of a call.
 pub struct CheckedFrame<'py> {
     array: ImageArray<'py>,
     model: Option<SensorModel>,
+    colour: Option<ColourArray<'py>>,
     pub sensor: Sensor,
 }
 
@@ -182,15 +189,21 @@ impl<'py> FrameArguments<'_, 'py> {
     /// Whether all is there, and of the right type.
     pub fn check(self) -> PyResult<CheckedFrame<'py>> {
         let array = ImageArray::depth_or_ranges(self.depth, self.ranges, self.depth_scale)?;
-        Ok(CheckedFrame { array, model: self.sensor_model, sensor: AnySensor::required(self.camera)? })
+        let sensor = AnySensor::required(self.camera)?;
+        let colour = self.colour.check(&sensor)?;
+        Ok(CheckedFrame { array, model: self.sensor_model, colour, sensor })
     }
 }
 
 impl CheckedFrame<'_> {
-    /// The image, with its own sensor model if it has one.
+    /// The image, with its own sensor model and its colour if it has them.
     pub fn image(&self) -> PyResult<pyramap::DepthImage<'_>> {
         let image = self.array.image()?;
-        Ok(self.model.map_or(image, |model| image.with_sensor_model(model.0)))
+        let image = self.model.map_or(image, |model| image.with_sensor_model(model.0));
+        match &self.colour {
+            None => Ok(image),
+            Some(colour) => Ok(image.with_colour(colour.image()?)),
+        }
     }
 }
 
@@ -198,7 +211,8 @@ impl CheckedFrame<'_> {
 impl OccupancyGrid {
     #[new]
     #[pyo3(signature = (voxel_size, sensor_model = None, max_range = 5.0, update = "pyramid", backend = "auto",
-                        clamp = None, max_bytes = None, prior = 0.5, beyond_max_range = "free", adapter = None))]
+                        clamp = None, max_bytes = None, prior = 0.5, beyond_max_range = "free", adapter = None,
+                        colour = false))]
     #[expect(clippy::too_many_arguments, reason = "keyword arguments in Python")]
     fn new(
         py: Python<'_>,
@@ -212,6 +226,7 @@ impl OccupancyGrid {
         prior: f64,
         beyond_max_range: &str,
         adapter: Option<String>,
+        colour: bool,
     ) -> PyResult<Self> {
         let device = Choice::parse(py, backend, adapter)?;
         let mut config = GridConfig::new(voxel_size).map_err(to_py)?;
@@ -223,6 +238,7 @@ impl OccupancyGrid {
         config.max_bytes = max_bytes.map(limit).transpose()?;
         config.prior = prior;
         config.beyond_max_range = parse("beyond_max_range", beyond_max_range, &BEYOND)?;
+        config.colour = colour;
         py.detach(|| device.empty(config)).map(Self::new_shared).map_err(to_py)
     }
 
@@ -279,6 +295,12 @@ impl OccupancyGrid {
     ///         them.
     ///     sensor_model: What readings of this frame say, if not what the map's `sensor_model` says. To remove the frame it
     ///         must be given again. The rule "rays" asks no model.
+    ///     colour: (H, W, 3) uint8, red, green, blue, for a map made with `colour=True`. The voxels near each surface that the
+    ///         depth shows get its colour, averaged over their size in this image, and the map keeps the mean of all frames.
+    ///         What another surface hides from the colour camera gets none.
+    ///     colour_camera: The camera of `colour`, which must have its size. Default: `camera`.
+    ///     depth_from_colour: (4, 4) rigid transform, metres: the pose of the colour camera in the axes of `camera`. Default:
+    ///         the identity, as for images that are registered to the depth.
     ///
     /// Returns:
     ///     What the frame did, and the time it took.
@@ -286,12 +308,12 @@ impl OccupancyGrid {
     /// Raises:
     ///     TypeError: If `camera` is missing or no sensor.
     ///     ValueError: If not one of `depth` and `ranges` is given; the image has another shape or type, differs in size
-    ///         from the camera or holds no reading at all; the pose is missing, not finite or not rigid; or the camera lies beyond
-    ///         the coordinates of the map.
+    ///         from the camera or holds no reading at all; the pose is missing, not finite or not rigid; the camera lies beyond
+    ///         the coordinates of the map; or there is colour, and the map was made without.
     ///     MapFullError: If the map would take more than `max_bytes`.
     ///     DeviceError: If the device fails.
     #[pyo3(signature = (depth = None, camera = None, world_from_camera = None, depth_scale = None, *, ranges = None,
-                        sensor_model = None))]
+                        sensor_model = None, colour = None, colour_camera = None, depth_from_colour = None))]
     #[expect(clippy::too_many_arguments, reason = "keyword arguments in Python")]
     fn integrate(
         &self,
@@ -302,8 +324,12 @@ impl OccupancyGrid {
         depth_scale: Option<f64>,
         ranges: Option<&Bound<'_, PyAny>>,
         sensor_model: Option<SensorModel>,
+        colour: Option<&Bound<'_, PyAny>>,
+        colour_camera: Option<PinholeCamera>,
+        depth_from_colour: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<FrameStats> {
-        let frame = FrameArguments { depth, camera, depth_scale, ranges, sensor_model };
+        let colour = ColourArguments { colour, colour_camera, depth_from_colour };
+        let frame = FrameArguments { depth, camera, depth_scale, ranges, sensor_model, colour };
         let submitted =
             self.frame(py, frame, world_from_camera, |grid, image, sensor, pose| grid.submit(image, sensor, pose))?;
         Ok(FrameStats::of_submitted(submitted, &self.0))
@@ -318,6 +344,9 @@ impl OccupancyGrid {
     ///     depth_scale: As before.
     ///     ranges: As before.
     ///     sensor_model: As before.
+    ///     colour: As before.
+    ///     colour_camera: As before.
+    ///     depth_from_colour: As before.
     ///
     /// Returns:
     ///     What the removal did, and the time it took.
@@ -328,7 +357,7 @@ impl OccupancyGrid {
     ///         evidence is lost then.
     ///     MapFullError: As for `integrate`: what was never fused can be removed, and takes room.
     #[pyo3(signature = (depth = None, camera = None, world_from_camera = None, depth_scale = None, *, ranges = None,
-                        sensor_model = None))]
+                        sensor_model = None, colour = None, colour_camera = None, depth_from_colour = None))]
     #[expect(clippy::too_many_arguments, reason = "keyword arguments in Python")]
     fn remove(
         &self,
@@ -339,17 +368,22 @@ impl OccupancyGrid {
         depth_scale: Option<f64>,
         ranges: Option<&Bound<'_, PyAny>>,
         sensor_model: Option<SensorModel>,
+        colour: Option<&Bound<'_, PyAny>>,
+        colour_camera: Option<PinholeCamera>,
+        depth_from_colour: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<FrameStats> {
-        let frame = FrameArguments { depth, camera, depth_scale, ranges, sensor_model };
+        let colour = ColourArguments { colour, colour_camera, depth_from_colour };
+        let frame = FrameArguments { depth, camera, depth_scale, ranges, sensor_model, colour };
         let stats =
             self.frame(py, frame, world_from_camera, |grid, image, sensor, pose| grid.remove(image, sensor, pose))?;
         Ok(FrameStats::known(stats))
     }
 
-    /// Adds another map's evidence: the result is the map of all frames of both.
+    /// Adds another map's evidence, and its colours: the result is the map of all frames of both.
     ///
     /// Args:
-    ///     other: A map with the same voxel size, prior and clamp. It stays as it is.
+    ///     other: A map with the same voxel size, prior and clamp; one that keeps colours only if this one does. It stays
+    ///         as it is.
     ///
     /// Raises:
     ///     ValueError: If one of those differs, or `other` is this map itself.
@@ -411,7 +445,7 @@ impl OccupancyGrid {
     ///     min_faces: Pieces of the surface with fewer faces are left out; faces that share an edge are of one piece.
     ///
     /// Returns:
-    ///     The mesh, without vertices if there is no such surface.
+    ///     The mesh, without vertices if there is no such surface; with colours if the map keeps any.
     ///
     /// Raises:
     ///     ValueError: If `level` is beyond what a map can hold, `min_evidence` is negative or not a number, or
@@ -465,7 +499,7 @@ impl OccupancyGrid {
         self.property(py, |grid| grid.saturated())
     }
 
-    /// Bytes that the map takes: its blocks and their directory. A block of one value throughout costs only its entry.
+    /// Bytes that the map takes: its blocks, their directory, and colours. A block of one value throughout costs only its entry.
     #[getter]
     fn nbytes(&self, py: Python<'_>) -> PyResult<usize> {
         self.property(py, |grid| grid.nbytes())

@@ -4,6 +4,7 @@ mod arrays;
 mod camera;
 mod change;
 mod clouds;
+mod colour;
 mod devices;
 mod distance;
 mod errors;

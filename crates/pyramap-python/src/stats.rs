@@ -72,7 +72,7 @@ impl FrameStats {
         Ok(self.get(py)?.saturated)
     }
 
-    /// Seconds by stage, in order: upload, ranges, pyramid, cull, update, readback, commit. On the CPU nothing is
+    /// Seconds by stage, in order: upload, ranges, pyramid, cull, update, readback, colour, commit. On the CPU nothing is
     /// uploaded or read back; a GPU that cannot time its kernels books them all to `update`. Frames that follow each other
     /// on a GPU overlap, and a stage may then hold some of another's time: `synchronize` between them to tell them apart.
     #[getter]

@@ -3,6 +3,7 @@
 //! Voxel `(i, j, k)` spans `[i r, (i + 1) r)` in each axis; block `(a, b, c)` holds the voxels
 //! `8a <= i < 8a + 8`, and likewise `j`, `k`. Inside a block, `z` runs fastest.
 
+use crate::colour::Colours;
 use crate::error::Result;
 
 /// Voxels along one edge of a block.
@@ -100,6 +101,10 @@ pub trait Blocks: Sync {
     /// If the device fails, or has taken the map along.
     fn fetch(&self) -> Result<()> {
         Ok(())
+    }
+    /// The colours of the voxels, if the map keeps any.
+    fn colours(&self) -> Option<&Colours> {
+        None
     }
     /// Edge of a voxel, metres.
     fn voxel_size(&self) -> f64;

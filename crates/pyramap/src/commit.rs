@@ -65,6 +65,8 @@ pub struct Commit<'a> {
     pub directory: &'a mut Directory,
     /// Room to work in.
     pub buffers: &'a mut CommitBuffers,
+    /// Bytes that the map's colours will take.
+    pub colour_bytes: usize,
 }
 
 impl Commit<'_> {
@@ -78,7 +80,7 @@ impl Commit<'_> {
             backend.trim();
             self.check_budget(backend, max_bytes)?;
         }
-        let Self { changes: Changes { uniform, dense }, sign, limits, directory, buffers } = self;
+        let Self { changes: Changes { uniform, dense }, sign, limits, directory, buffers, .. } = self;
         let CommitBuffers { additions, keys } = buffers;
         additions.clear();
         keys.clear();
@@ -125,7 +127,8 @@ impl Commit<'_> {
         let entries = self.directory.len() + keys().filter(|key| entry(key).is_none()).count();
         let to_slots = keys().filter(|key| matches!(entry(key), Some(Entry::Dense(_)))).count();
         let to_new = dense.iter().filter(|(key, _)| !matches!(entry(key), Some(Entry::Dense(_)))).count();
-        let check = |blocks| budget(self.directory, entries, backend, to_new, blocks, Some(max_bytes));
+        let check =
+            |blocks| budget(self.directory, entries, backend, to_new, blocks + self.colour_bytes, Some(max_bytes));
         if check(backend.most_growth(to_slots, to_new)).is_ok() {
             return Ok(());
         }
@@ -145,7 +148,8 @@ impl Commit<'_> {
     }
 }
 
-/// Refuses a map that would take more than it may, with so many entries, new slots, and more bytes in its blocks.
+/// Refuses a map that would take more than it may, with so many entries, new slots, and more bytes beside: those by which
+/// blocks grow, and those of colours.
 ///
 /// # Errors
 /// [`Error::MapFull`].
@@ -154,10 +158,10 @@ pub fn budget(
     entries: usize,
     backend: &dyn Backend,
     new_slots: usize,
-    blocks: usize,
+    beside: usize,
     max_bytes: Option<usize>,
 ) -> Result<()> {
-    let pool = backend.pool_bytes() + backend.table_growth(new_slots) + blocks;
+    let pool = backend.pool_bytes() + backend.table_growth(new_slots) + beside;
     let needed = directory::bytes(directory, entries) + pool;
     match max_bytes {
         Some(max_bytes) if needed > max_bytes => Err(Error::MapFull { needed, max_bytes }),

@@ -32,6 +32,9 @@ pub struct GridConfig {
     /// without it, only slower; tests switch it off to show that. Not part of a map's file.
     #[serde(skip, default = "enabled")]
     pub cull: bool,
+    /// Whether voxels near surfaces keep a mean colour, of frames that have one. A file says so by its version.
+    #[serde(skip)]
+    pub colour: bool,
 }
 
 impl GridConfig {
@@ -52,6 +55,7 @@ impl GridConfig {
             max_bytes: None,
             prior: 0.5,
             cull: true,
+            colour: false,
         })
     }
 

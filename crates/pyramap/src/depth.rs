@@ -1,5 +1,6 @@
 //! Images as they come: depth or range per pixel, in the number type of the sensor.
 
+use crate::colour::ColourImage;
 use crate::error::{Error, Result};
 use crate::sensor::SensorModel;
 use std::ops::Range;
@@ -42,7 +43,7 @@ impl Reading {
     }
 }
 
-/// A depth image, or one of ranges, and its size.
+/// A depth image, or one of ranges, its size, and what else belongs to it.
 #[derive(Clone, Copy, Debug)]
 pub struct DepthImage<'a> {
     pub(crate) depth: Depth<'a>,
@@ -50,6 +51,7 @@ pub struct DepthImage<'a> {
     pub(crate) height: usize,
     pub(crate) reading: Reading,
     pub(crate) sensor_model: Option<SensorModel>,
+    pub(crate) colour: Option<ColourImage<'a>>,
 }
 
 impl<'a> DepthImage<'a> {
@@ -91,7 +93,7 @@ impl<'a> DepthImage<'a> {
                 expected: format!("height x width = {height} x {width} pixels, at least one"),
             });
         }
-        Ok(Self { depth, width, height, reading, sensor_model: None })
+        Ok(Self { depth, width, height, reading, sensor_model: None, colour: None })
     }
 
     /// The same image, fused with a model of its own instead of the map's: a map may be made with several sensors. The rule
@@ -99,6 +101,17 @@ impl<'a> DepthImage<'a> {
     #[must_use]
     pub fn with_sensor_model(self, model: SensorModel) -> Self {
         Self { sensor_model: Some(model), ..self }
+    }
+
+    /// The same image with a colour image, for a map that keeps colours.
+    #[must_use]
+    pub fn with_colour(self, colour: ColourImage<'a>) -> Self {
+        Self { colour: Some(colour), ..self }
+    }
+
+    /// The colour image, if there is one.
+    pub fn colour(&self) -> Option<&ColourImage<'a>> {
+        self.colour.as_ref()
     }
 
     /// The model that the image is fused with, if not the map's.

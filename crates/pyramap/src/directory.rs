@@ -16,8 +16,8 @@ pub enum Entry {
 /// From block coordinates to entries.
 pub type Directory = HashMap<BlockKey, Entry>;
 
-/// Bytes that a directory takes, used or not, once it holds so many entries.
-pub fn bytes(directory: &Directory, entries: usize) -> usize {
+/// Bytes that a table of blocks takes, used or not, once it holds so many entries.
+pub fn bytes<T>(directory: &HashMap<BlockKey, T>, entries: usize) -> usize {
     let now = directory.allocation_size();
     if entries <= directory.capacity() {
         return now;
@@ -25,7 +25,7 @@ pub fn bytes(directory: &Directory, entries: usize) -> usize {
     // The table holds seven entries in eight places, a power of two of them and at least four, with one control byte a place and one
     // group of 16 more. It at least doubles when it grows, which places that were given up may bring about early.
     let places = (entries * 8).div_ceil(7).next_power_of_two().max(4);
-    (places * (size_of::<(BlockKey, Entry)>() + 1) + 16).max(2 * now)
+    (places * (size_of::<(BlockKey, T)>() + 1) + 16).max(2 * now)
 }
 
 #[cfg(test)]

@@ -5,8 +5,11 @@
 //! section*: tag [u8; 4], length u64, CRC-32 u32 of tag, length and payload, payload
 //!   "HEAD"  parameters, counts and history (postcard): all that differs from version to version
 //!   "BLKS"  up to 4096 blocks, sorted by coordinates (postcard, zstd)
+//!   "COLR"  colours of up to 1024 blocks, sorted by coordinates (postcard, zstd); from version 3 on
 //!   "DONE"  empty: the file is whole
 //! ```
+//!
+//! Maps that keep no colours are written as version 2, so that programs which know no colour read them.
 //!
 //! Numbers are little-endian. Blocks whose voxels are equal are written as one number and unknown ones not at all, so
 //! equal maps of equal history give equal bytes in whatever order they came about. Nothing that the file says of its own size is trusted:
@@ -18,16 +21,19 @@ use crate::error::{Error, Result};
 use crate::grid::OccupancyGrid;
 use head::{Head, VERSION};
 use rayon::prelude::*;
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use std::fs::File;
 use std::io::{Read, Write};
 use std::path::Path;
 
+mod colours;
 mod head;
 
 const MAGIC: [u8; 8] = *b"PYRAMAP\0";
 const HEAD: [u8; 4] = *b"HEAD";
 const BLOCKS: [u8; 4] = *b"BLKS";
+const COLOURS: [u8; 4] = *b"COLR";
 const DONE: [u8; 4] = *b"DONE";
 const BLOCKS_IN_SECTION: usize = 4096;
 /// A record's key takes at most 15 bytes, its values 5 each, their count and kind a few.
@@ -93,17 +99,15 @@ impl OccupancyGrid {
             num_blocks: records.len() as u64,
             history: self.history(),
         };
-        let sections: Vec<Vec<u8>> = records
-            .par_chunks(BLOCKS_IN_SECTION)
-            .map(|records| {
-                let plain = postcard::to_allocvec(records).expect("plain data can be written to memory");
-                zstd::bulk::compress(&plain, COMPRESSION_LEVEL).expect("memory can be compressed")
-            })
-            .collect();
+        let sections: Vec<Vec<u8>> = records.par_chunks(BLOCKS_IN_SECTION).map(|records| pack(&records)).collect();
+        let coloured = self.colours().map(colours::records);
         let mut bytes = MAGIC.to_vec();
-        bytes.extend(VERSION.to_le_bytes());
-        put_section(&mut bytes, HEAD, &postcard::to_allocvec(&head).expect("plain data can be written to memory"));
+        let (version, head) = head.written(coloured.as_ref().map(Vec::len));
+        bytes.extend(version.to_le_bytes());
+        put_section(&mut bytes, HEAD, &head);
         sections.iter().for_each(|payload| put_section(&mut bytes, BLOCKS, payload));
+        let coloured = colours::packed(&coloured.unwrap_or_default());
+        coloured.iter().for_each(|payload| put_section(&mut bytes, COLOURS, payload));
         put_section(&mut bytes, DONE, &[]);
         bytes
     }
@@ -132,19 +136,20 @@ impl OccupancyGrid {
         if tag != HEAD {
             return damage("the parameters are missing");
         }
-        let head = Head::read(version, payload)?;
+        let (head, num_coloured) = Head::read(version, payload)?;
         head.history.validate().map_err(Damage::Parameter)?;
-        let mut sections = Vec::new();
+        let (mut sections, mut coloured) = (Vec::new(), Vec::new());
         loop {
             match take_section(&mut rest)? {
                 (BLOCKS, payload) => sections.push(payload),
+                (COLOURS, payload) if head.config.colour => coloured.push(payload),
                 (DONE, []) if rest.is_empty() => break,
                 (DONE, _) => return damage("bytes after the end of the map"),
                 (tag, _) => return damage(format!("unknown section {:?}", String::from_utf8_lossy(&tag))),
             }
         }
-        let sections: Vec<Vec<Record>> =
-            sections.par_iter().map(|payload| unpack(payload)).collect::<std::result::Result<_, _>>()?;
+        let sections = sections.par_iter().map(|payload| unpack(payload, BLOCKS_IN_SECTION, MAX_SECTION_BYTES));
+        let sections: Vec<Vec<Record>> = sections.collect::<std::result::Result<_, _>>()?;
         let records: Vec<Record> = sections.into_iter().flatten().collect();
         if records.len() as u64 != head.num_blocks {
             return damage(format!("holds {} blocks, its head says {}", records.len(), head.num_blocks));
@@ -152,11 +157,20 @@ impl OccupancyGrid {
         if !records.is_sorted_by(|a, b| a.key < b.key) {
             return damage("blocks are not in order");
         }
+        let coloured = colours::read(&coloured)?;
+        if coloured.len() as u64 != num_coloured {
+            return damage(format!("holds colours of {} blocks, its head says {num_coloured}", coloured.len()));
+        }
+        if !coloured.is_sorted_by(|a, b| a.key < b.key) {
+            return damage("colours are not in order");
+        }
         head.config.validate().map_err(Damage::Parameter)?;
         let mut grid = empty(head.config).map_err(Damage::Other)?;
         let blocks = records.iter().map(|record| Ok((record.key, record.block()?)));
         let blocks: Vec<_> = blocks.collect::<std::result::Result<_, _>>()?;
-        grid.restore(blocks.into_iter(), head.num_frames, head.saturated, head.history).map_err(Damage::Other)?;
+        let colours: Vec<_> = coloured.iter().map(|record| record.block()).collect::<std::result::Result<_, _>>()?;
+        let (blocks, colours) = (blocks.into_iter(), colours.into_iter());
+        grid.restore(blocks, colours, head.num_frames, head.saturated, head.history).map_err(Damage::Other)?;
         Ok(grid)
     }
 }
@@ -173,17 +187,23 @@ fn damage<T>(reason: impl Into<String>) -> std::result::Result<T, Damage> {
     Err(Damage::Reason(reason.into()))
 }
 
-fn unpack(payload: &[u8]) -> std::result::Result<Vec<Record>, Damage> {
+/// A section of records.
+fn pack<T: Serialize>(records: &T) -> Vec<u8> {
+    let plain = postcard::to_allocvec(records).expect("plain data can be written to memory");
+    zstd::bulk::compress(&plain, COMPRESSION_LEVEL).expect("memory can be compressed")
+}
+
+/// The records of a section, if these are no more, and no larger, than any map writes.
+fn unpack<T: DeserializeOwned>(payload: &[u8], most: usize, max_bytes: usize) -> std::result::Result<Vec<T>, Damage> {
     let mut plain = Vec::new();
     let decoder = zstd::stream::Decoder::with_buffer(payload);
-    let mut limited =
-        decoder.or_else(|e| damage(format!("blocks do not unpack: {e}")))?.take(MAX_SECTION_BYTES as u64 + 1);
+    let mut limited = decoder.or_else(|e| damage(format!("blocks do not unpack: {e}")))?.take(max_bytes as u64 + 1);
     limited.read_to_end(&mut plain).or_else(|e| damage(format!("blocks do not unpack: {e}")))?;
-    if plain.len() > MAX_SECTION_BYTES {
+    if plain.len() > max_bytes {
         return damage("a section of blocks is larger than any map writes");
     }
-    let records: Vec<Record> = postcard::from_bytes(&plain).or_else(|e| damage(format!("unreadable blocks: {e}")))?;
-    if records.len() > BLOCKS_IN_SECTION {
+    let records: Vec<T> = postcard::from_bytes(&plain).or_else(|e| damage(format!("unreadable blocks: {e}")))?;
+    if records.len() > most {
         return damage("a section of blocks is larger than any map writes");
     }
     Ok(records)

@@ -2,6 +2,7 @@
 
 use crate::backend::{Backend, Committed, Seen};
 use crate::block::{BLOCK_EDGE, BLOCK_VOXELS, Block, BlockData, BlockKey, Blocks};
+use crate::colour::{ColourStage, Colours, Paint, Sums};
 use crate::commit::{Changes, Commit, CommitBuffers, set_uniform};
 use crate::config::GridConfig;
 use crate::cpu::CpuBackend;
@@ -40,6 +41,7 @@ pub struct OccupancyGrid {
     config: GridConfig,
     directory: Directory,
     backend: Box<dyn Backend>,
+    colours: Colours,
     free_increment: i32,
     num_frames: i64,
     saturated: u64,
@@ -59,9 +61,20 @@ struct Frame {
     sign: i32,
     /// What is known of it so far.
     stats: FrameStats,
+    /// What it adds to colours, by block.
+    paint: Vec<(BlockKey, Box<Paint>)>,
     /// Who waits for it.
     submitted: Option<Submitted>,
 }
+
+impl Frame {
+    fn new(sign: i32) -> Self {
+        Self { sign, stats: FrameStats::default(), paint: Vec::new(), submitted: None }
+    }
+}
+
+/// Why a map takes no colour, and gives none.
+pub(crate) const WITHOUT_COLOUR: &str = "the map was made without colour, expected one made with colour switched on";
 
 /// What a frame's stages hand on to each other, kept from frame to frame.
 #[derive(Default)]
@@ -70,6 +83,7 @@ struct Buffers {
     changes: Changes,
     commit: CommitBuffers,
     committed: Committed,
+    colour: ColourStage,
 }
 
 impl OccupancyGrid {
@@ -93,6 +107,7 @@ impl OccupancyGrid {
             config,
             directory: Directory::default(),
             backend,
+            colours: Colours::default(),
             free_increment,
             num_frames: 0,
             saturated: 0,
@@ -179,8 +194,18 @@ impl OccupancyGrid {
     fn begin(&mut self, image: &DepthImage, sensor: &Sensor, pose: &Pose, sign: i32) -> Result<Frame> {
         self.check_place(sensor, pose)?;
         ranges::check(image, sensor, self.config.max_range, self.config.beyond_max_range)?;
+        if image.colour.is_some() && !self.config.colour {
+            return Err(Error::Unsupported { operation: "to fuse colour", reason: WITHOUT_COLOUR.into() });
+        }
         self.backend.see(&self.config, image, sensor, pose)?;
-        Ok(Frame { sign, stats: FrameStats::default(), submitted: None })
+        let mut frame = Frame::new(sign);
+        if let Some(colour) = &image.colour {
+            let mut watch = Stopwatch::start();
+            let paint = self.buffers.colour.see(&self.config, image, colour, sensor, pose);
+            frame.paint = paint.expect("the image was checked");
+            frame.stats.seconds.colour = watch.lap();
+        }
+        Ok(frame)
     }
 
     fn fuse(&mut self, image: &DepthImage, sensor: &Sensor, pose: &Pose, sign: i32) -> Result<FrameStats> {
@@ -198,22 +223,27 @@ impl OccupancyGrid {
         self.settle()?;
         let Buffers { seen, changes, commit: buffers, .. } = &mut self.buffers;
         self.backend.seen(&self.config, seen)?;
+        let painting = frame.stats.seconds.colour;
         frame.stats = FrameStats::count(seen);
 
         let mut watch = Stopwatch::start();
         self.rays = Kept::default();
+        let painted = self.colours.painted(&frame.paint, frame.sign);
         changes.sort(seen, self.free_increment);
         let (limits, directory) = (self.config.limits(), &mut self.directory);
-        let commit = Commit { changes, sign: frame.sign, limits, directory, buffers };
-        frame.stats.saturated = commit.apply(self.backend.as_mut(), self.config.max_bytes)?;
-        frame.stats.seconds.commit = watch.lap();
+        let colour_bytes = self.colours.bytes_with(&painted);
+        let commit = Commit { changes, sign: frame.sign, limits, directory, buffers, colour_bytes };
+        frame.stats.saturated = painted.lost + commit.apply(self.backend.as_mut(), self.config.max_bytes)?;
+        self.colours.store(painted);
+        frame.paint = Vec::new();
+        (frame.stats.seconds.colour, frame.stats.seconds.commit) = (painting, watch.lap());
         self.committing = Some(frame);
         Ok(())
     }
 
     /// Takes in what came of the last commit, if there is one.
     fn settle(&mut self) -> Result<Option<FrameStats>> {
-        let Some(Frame { sign, mut stats, submitted }) = self.committing.take() else { return Ok(None) };
+        let Some(Frame { sign, mut stats, submitted, .. }) = self.committing.take() else { return Ok(None) };
         let Buffers { commit: buffers, committed, .. } = &mut self.buffers;
         self.backend.committed(committed)?;
         let mut watch = Stopwatch::start();
@@ -299,6 +329,7 @@ impl OccupancyGrid {
     pub(crate) fn restore<'a>(
         &mut self,
         blocks: impl Iterator<Item = (BlockKey, Block<'a>)>,
+        colours: impl Iterator<Item = (BlockKey, Box<Sums>)>,
         num_frames: i64,
         saturated: u64,
         history: History,
@@ -306,6 +337,7 @@ impl OccupancyGrid {
         for (key, block) in blocks {
             self.put_block(key, block)?;
         }
+        self.colours.restore(colours);
         (self.num_frames, self.saturated, self.history) = (num_frames, saturated, history);
         Ok(())
     }
@@ -358,9 +390,9 @@ impl OccupancyGrid {
         self.history
     }
 
-    /// Bytes that the map takes: dense blocks and directory.
+    /// Bytes that the map takes: dense blocks, directory and colours.
     pub fn nbytes(&self) -> usize {
-        directory::bytes(&self.directory, self.directory.len()) + self.backend.pool_bytes()
+        directory::bytes(&self.directory, self.directory.len()) + self.backend.pool_bytes() + self.colours.bytes()
     }
 
     /// Lowest and highest corner, metres, of the box around all blocks; `None` for an empty map.
@@ -393,6 +425,10 @@ impl Blocks for OccupancyGrid {
 
     fn fetch(&self) -> Result<()> {
         self.backend.fetch()
+    }
+
+    fn colours(&self) -> Option<&Colours> {
+        self.config.colour.then_some(&self.colours)
     }
 
     fn voxel_size(&self) -> f64 {

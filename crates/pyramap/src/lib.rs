@@ -15,6 +15,7 @@ pub mod backend;
 pub mod block;
 pub mod camera;
 pub mod collide;
+pub mod colour;
 pub mod commit;
 pub mod config;
 pub mod cpu;
@@ -54,6 +55,7 @@ pub mod voxels;
 mod window;
 
 pub use camera::PinholeCamera;
+pub use colour::ColourImage;
 pub use config::GridConfig;
 pub use depth::{Depth, DepthImage, Reading};
 pub use distance::DistanceField;

@@ -15,11 +15,13 @@
 //! more for each that meets the surface, and 4 bytes for each of its cells that does.
 
 mod cases;
+mod colours;
 mod patch;
 mod pieces;
 mod sides;
 
 use crate::block::{Block, BlockKey, Blocks};
+use crate::colour::{Colours, Rgba};
 use crate::error::{Error, Result};
 use crate::log_odds::{STEPS, from_fixed};
 use cases::Cases;
@@ -56,6 +58,8 @@ pub struct Mesh {
     pub faces: Vec<[u32; 3]>,
     /// Unit normals of the vertices, towards free space.
     pub normals: Vec<[f32; 3]>,
+    /// Colours of the vertices, of a map that keeps any: four zeros where none was seen.
+    pub colours: Option<Vec<Rgba>>,
 }
 
 /// Extracts the surface between occupied and free space.
@@ -85,6 +89,9 @@ pub fn extract(blocks: &(impl Blocks + ?Sized), options: &MeshOptions) -> Result
         vertices: gather(&chunks, |chunk| chunk.vertices.len(), |chunk, out| out.copy_from_slice(&chunk.vertices)),
         faces: gather(&chunks, |chunk| chunk.num_faces, |chunk, out| chunk.write_faces(&patches, out)),
         normals: gather(&chunks, |chunk| chunk.normals.len(), |chunk, out| out.copy_from_slice(&chunk.normals)),
+        colours: grid
+            .colours
+            .map(|_| gather(&chunks, |chunk| chunk.colours.len(), |chunk, out| out.copy_from_slice(&chunk.colours))),
     };
     Ok(pieces::without_small_pieces(mesh, options.min_faces))
 }
@@ -121,6 +128,7 @@ struct Entry<'a> {
 struct Grid<'a> {
     entries: Vec<Entry<'a>>,
     index: HashMap<BlockKey, u32>,
+    colours: Option<&'a Colours>,
 }
 
 impl<'a> Grid<'a> {
@@ -136,7 +144,7 @@ impl<'a> Grid<'a> {
             })
             .collect();
         let index = entries.iter().zip(0..).map(|(entry, n)| (entry.key, n)).collect();
-        Self { entries, index }
+        Self { entries, index, colours: blocks.colours() }
     }
 
     fn neighbour(&self, key: BlockKey, offset: [i32; 3]) -> Option<u32> {
@@ -157,7 +165,7 @@ impl<'a> Grid<'a> {
                 entry_at(self.neighbour(entry.key, offset))
                     .map_or((Block::Uniform(0), &Sides::UNKNOWN), |entry| (entry.block, &entry.sides))
             });
-            chunk.add(n, entry.key, behind, &around);
+            chunk.add(n, entry.key, behind, &around, self.colours);
         }
         chunk
     }
@@ -180,6 +188,8 @@ struct Chunk {
     patches: Vec<Patch>,
     vertices: Vec<[f32; 3]>,
     normals: Vec<[f32; 3]>,
+    /// As many, or none.
+    colours: Vec<Rgba>,
     cells: Vec<Cell>,
     num_faces: usize,
 }
@@ -187,11 +197,21 @@ struct Chunk {
 static CASES: LazyLock<Cases> = LazyLock::new(Cases::derive);
 
 impl Chunk {
-    fn add(&mut self, entry: u32, key: BlockKey, behind: [Option<u32>; 8], around: &Neighbourhood) {
+    fn add(
+        &mut self,
+        entry: u32,
+        key: BlockKey,
+        behind: [Option<u32>; 8],
+        around: &Neighbourhood,
+        colours: Option<&Colours>,
+    ) {
         let (first_vertex, first_cell) = (self.vertices.len() as u32, self.cells.len());
         let valid = around.valid_cells();
         let edges = around.owned_edges(&valid);
         around.add_vertices(key, &edges, &mut self.vertices, &mut self.normals);
+        if let Some(colours) = colours {
+            self.colours.extend(around.vertices(&edges).map(|vertex| colours::at(colours, key, &vertex)));
+        }
         around.add_cells(&valid, &mut self.cells);
         let cells = &self.cells[first_cell..];
         self.num_faces += cells.iter().map(|cell| CASES.triangles(cell.case).len()).sum::<usize>();

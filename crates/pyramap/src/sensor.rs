@@ -158,7 +158,7 @@ impl SensorModel {
 
     /// How many sigmas from the surface the model is within half a fixed-point step of its limits, so that what lies
     /// beyond may be called free or hidden without a change to the map. From `dl/dp = 1 / (p (1 - p))` at the limits.
-    fn cutoff(&self) -> f64 {
+    pub(crate) fn cutoff(&self) -> f64 {
         let half_step = 0.5 * log_odds::UNIT;
         let slope = |p: f64| 1.0 / (p * (1.0 - p));
         let in_front = (self.peak() + HIDDEN_PROBABILITY - FREE_PROBABILITY) * slope(FREE_PROBABILITY);

@@ -21,14 +21,16 @@ pub struct StageSeconds {
     pub update: f64,
     /// What was found on its way back from a device.
     pub readback: f64,
+    /// Colours of the voxels near surfaces, of a frame that has them; on the host, beside a device.
+    pub colour: f64,
     /// Addition to the map.
     pub commit: f64,
 }
 
 impl StageSeconds {
     /// Names and values, in the order of the stages.
-    pub fn named(&self) -> [(&'static str, f64); 7] {
-        let Self { upload, ranges, pyramid, cull, update, readback, commit } = *self;
+    pub fn named(&self) -> [(&'static str, f64); 8] {
+        let Self { upload, ranges, pyramid, cull, update, readback, colour, commit } = *self;
         [
             ("upload", upload),
             ("ranges", ranges),
@@ -36,6 +38,7 @@ impl StageSeconds {
             ("cull", cull),
             ("update", update),
             ("readback", readback),
+            ("colour", colour),
             ("commit", commit),
         ]
     }

@@ -30,6 +30,7 @@ def map_facts(grid: OccupancyGrid) -> Facts:
         "prior": grid.prior,
         "backend": grid.backend,
         "adapter": grid.adapter,
+        "colour": grid.has_colour,
         "frames": grid.num_frames,
         "bounds": None if bounds is None else bounds.tolist(),
         "blocks": grid.num_blocks,
@@ -66,6 +67,7 @@ def run_facts(run: Run, skipped: Mapping[int, str]) -> Facts:
     left_out = {**skipped, **run.rejected}
     return {
         "frames": run.frames,
+        "coloured": run.coloured,
         "left_out": {str(index): reason for index, reason in sorted(left_out.items())},
         "interrupted": run.interrupted,
         "failure": run.failure,

@@ -8,12 +8,13 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from statistics import median
 from time import perf_counter
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .._core import DeviceError, FrameStats, MapFullError, OccupancyGrid
-from ..datasets import Frame
+from ..datasets import DatasetError, Frame
 from .failures import EXPECTED_ERRORS, explain
 from .interrupts import Interrupts
 from .terminal import frame_progress
@@ -62,6 +63,11 @@ class Run:
         return self.interrupted or self.failure is not None
 
     @property
+    def coloured(self) -> int:
+        """How many of them with their colour."""
+        return sum(frame.stats.seconds["colour"] > 0 for frame in self.fused)
+
+    @property
     def poses(self) -> list[NDArray[np.float64]]:
         """`world_from_camera` of the fused frames, (4, 4) each."""
         return [frame.world_from_camera for frame in self.fused]
@@ -69,14 +75,15 @@ class Run:
     def median_ms(self) -> dict[str, float]:
         """Median milliseconds a frame: each stage, the whole call, and the wait for the frame; empty without frames.
 
-        Stages that took no time at all, such as the way to a GPU that is not there, are left out.
+        Frames without a stage do not count for it, such as those without colour, and stages that none had are left out,
+        such as the way to a GPU that is not there.
         """
         stages: dict[str, list[float]] = defaultdict(list)
         for frame in self.fused:
             for stage, seconds in frame.stats.seconds.items():
-                stages[stage].append(seconds)
+                stages[stage] += [seconds] if seconds else []
         named = {
-            **{stage: seconds for stage, seconds in stages.items() if any(seconds)},
+            **stages,
             "integrate": self.integrate_seconds,
             "wait for frame": self.waited_seconds,
         }
@@ -135,8 +142,8 @@ def _fuse_one(grid: OccupancyGrid, frame: Frame, run: Run, skip_bad: bool) -> bo
     """Whether the map has taken the frame."""
     started = perf_counter()
     try:
-        stats = grid.integrate(frame.depth, frame.camera, frame.world_from_camera)
-    except ValueError as error:
+        stats = grid.integrate(frame.depth, frame.camera, frame.world_from_camera, **_colour_of(frame, grid))
+    except (ValueError, DatasetError) as error:
         if not skip_bad:
             raise ValueError(f"frame {frame.index}: {error}") from error
         run.rejected[frame.index] = str(error)
@@ -144,6 +151,17 @@ def _fuse_one(grid: OccupancyGrid, frame: Frame, run: Run, skip_bad: bool) -> bo
     run.integrate_seconds.append(perf_counter() - started)
     run.fused.append(Fused(frame.index, np.array(frame.world_from_camera), stats))
     return True
+
+
+def _colour_of(frame: Frame, grid: OccupancyGrid) -> dict[str, Any]:
+    """What `integrate` is told of a frame's colour: nothing where the map keeps none."""
+    if not grid.has_colour:
+        return {}
+    return {
+        "colour": frame.colour,
+        "colour_camera": frame.colour_camera,
+        "depth_from_colour": frame.depth_from_colour,
+    }
 
 
 def _drop_unfused(run: Run) -> Fused | None:

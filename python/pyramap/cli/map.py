@@ -89,6 +89,10 @@ def map_dataset(
     ] = None,
     stride: Annotated[int, typer.Option(min=1, help="Take every n-th frame.")] = 1,
     limit: Annotated[int | None, typer.Option(min=1, help="Take at most n frames.")] = None,
+    colour: Annotated[
+        bool,
+        typer.Option("--colour", help="Keep colours too, of frames that have a colour image: meshes then have them."),
+    ] = False,
     skip_bad: Annotated[bool, typer.Option("--skip-bad", help="Leave out bad frames instead of stopping.")] = False,
     view: Annotated[bool, typer.Option("--view", help="Watch in Rerun's viewer, the extra `viz`.")] = False,
     save_view: Annotated[
@@ -115,6 +119,7 @@ def map_dataset(
         max_bytes=max_bytes,
         prior=prior,
         adapter=adapter,
+        colour=colour,
     )
     topics = dict(topic or ())
     read = partial(datasets.open, dataset, skip_bad=skip_bad, max_gap=max_gap, topics=topics, world_frame=world_frame)
@@ -124,6 +129,8 @@ def map_dataset(
         watcher = Watcher(opened, grid)
         run = fuse(grid, frames, len(frames), skip_bad, watcher.fused)
         watcher.end(run, min_evidence)
+    if colour and run.frames and not run.coloured:
+        typer.echo("warning: none of the frames has a colour image that can be fused", err=True)
     conclude(f"{frames.name} ({frames.format})", grid, run, frames.skipped, products, min_evidence, as_json, save_view)
 
 

@@ -82,7 +82,7 @@ def mesh_facts(mesh: Mesh) -> Facts:
 def draw_mesh(path: Path, mesh: Mesh, view: pictures.View, hide_backs: bool = True) -> None:
     """Write a shaded picture of a mesh, with a bar for scale where one scale holds."""
     with working_on("drawing the mesh"):
-        image = pictures.mesh_image(mesh.vertices, mesh.faces, view, mesh.normals, hide_backs)
+        image = pictures.mesh_image(mesh.vertices, mesh.faces, view, mesh.normals, hide_backs, mesh.colours)
         write_picture(path, pictures.with_scale_bar(image, view))
 
 

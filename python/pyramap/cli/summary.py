@@ -52,6 +52,8 @@ def map_rows(facts: Facts) -> Iterator[Row]:
         yield "prior", f"{facts['prior']:g}"
     if facts["clamp"]:
         yield "clamped", "log-odds {:g} to {:g}".format(*facts["clamp"])
+    if facts["colour"]:
+        yield "colour", "of voxels near surfaces"
     yield "frames", f"{facts['frames']:,}"
     if facts["bounds"]:
         low, high = facts["bounds"]
@@ -85,6 +87,8 @@ def run_rows(facts: Facts) -> Iterator[Row]:
     """Rows for `run_facts`."""
     ended = "interrupted by Ctrl-C" if facts["interrupted"] else "failed" if facts["failure"] else "all"
     yield "fused", f"{facts['frames']:,} frames ({ended}), {len(facts['left_out']):,} left out"
+    if facts["coloured"]:
+        yield "with colour", f"{facts['coloured']:,} frames"
     if facts["frames"]:
         yield "speed", f"{facts['frames_per_second']:.1f} frames/s for {facts['seconds']:.1f} s"
     for name, milliseconds in facts["median_ms"].items():

@@ -15,6 +15,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from .._core import PinholeCamera
+from .colour import ColourRef
 from .dataset import Dataset, Scans
 from .errors import DatasetError
 from .frame import Frame, PointFrame
@@ -35,6 +36,7 @@ from .tum import TUM
 __all__ = [
     "FORMATS",
     "SCAN_FORMATS",
+    "ColourRef",
     "Dataset",
     "DatasetError",
     "Format",

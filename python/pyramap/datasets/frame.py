@@ -9,11 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._core import PinholeCamera
+from .colour import ColourRef
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Frame:
     """A depth image, ready to be fused: `grid.integrate(frame.depth, frame.camera, frame.world_from_camera)`.
+
+    For a map that keeps colours, give `integrate` the frame's `colour`, `colour_camera` and `depth_from_colour` too,
+    under these names; all three are None if it has none.
 
     Attributes:
         index: the frame's number in its data set, whichever part of the data set is read.
@@ -21,7 +25,8 @@ class Frame:
         camera: the intrinsics that the depth image was taken with.
         world_from_camera: (4, 4) float64, as the data set gives it; camera axes x right, y down, z forward, metres.
         timestamp: seconds, or None if the data set has no times.
-        color_path: the colour image of this frame, or None; it is not opened.
+        color_path: the file of this frame's colour image, or None; it is not opened.
+        colour_ref: where the colour image comes from, and its camera; None if there is none that can be fused.
     """
 
     index: int
@@ -30,6 +35,26 @@ class Frame:
     world_from_camera: NDArray[np.float64]
     timestamp: float | None = None
     color_path: Path | None = None
+    colour_ref: ColourRef | None = None
+
+    @property
+    def colour(self) -> NDArray[np.uint8] | None:
+        """(H, W, 3) uint8, red, green, blue, of `colour_camera`, or None; decoded each time that it is asked for.
+
+        Raises:
+            DatasetError: if the image is missing, damaged, or of another size.
+        """
+        return None if self.colour_ref is None else self.colour_ref.read()
+
+    @property
+    def colour_camera(self) -> PinholeCamera | None:
+        """The camera of the colour image, or None."""
+        return None if self.colour_ref is None else self.colour_ref.camera
+
+    @property
+    def depth_from_colour(self) -> NDArray[np.float64] | None:
+        """(4, 4) float64, metres: the pose of the colour camera in the axes of `camera`, or None."""
+        return None if self.colour_ref is None else self.colour_ref.depth_from_colour
 
 
 @dataclass(frozen=True, slots=True, eq=False)

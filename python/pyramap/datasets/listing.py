@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._core import PinholeCamera
+from .colour import ColourRef
 from .frame import Frame, PointFrame
 
 Loaded = TypeVar("Loaded", covariant=True)
@@ -43,7 +44,8 @@ class FrameRef:
             `DatasetError`.
         read_pose: gives `world_from_camera`, (4, 4) float64, or raises `DatasetError`.
         timestamp: seconds, or None.
-        color_path: its colour image, or None.
+        color_path: the file of its colour image, or None.
+        colour: where its colour image comes from, or None.
     """
 
     index: int
@@ -52,6 +54,7 @@ class FrameRef:
     read_pose: Callable[[], NDArray[np.float64]]
     timestamp: float | None = None
     color_path: Path | None = None
+    colour: ColourRef | None = None
 
     def load(self) -> Frame:
         """The frame, decoded; raises `DatasetError`."""
@@ -62,6 +65,7 @@ class FrameRef:
             camera=self.camera,
             timestamp=self.timestamp,
             color_path=self.color_path,
+            colour_ref=self.colour,
         )
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._core import PinholeCamera
+from .colour import ColourRef, first_size, same_view
 from .errors import DatasetError
 from .intrinsics import GL_FROM_CAMERA, Intrinsics
 from .listing import Format, FrameRef, Listing, Options
@@ -41,16 +42,23 @@ def _list_frames(path: Path, options: Options) -> Listing[FrameRef]:
     else:
         size = first_png_size(file.parent, files.values())
         cameras = {index: _camera(whole, record, size) for index, record in with_depth.items()}
-    frames = [
-        FrameRef(
-            index=index,
-            camera=cameras[index],
-            read_depth=partial(_read_depth, files[index]),
-            read_pose=partial(_pose, record),
-            color_path=file.parent / record.text("file_path") if "file_path" in record else None,
+    colors = {
+        index: file.parent / record.text("file_path") for index, record in with_depth.items() if "file_path" in record
+    }
+    colour_size = first_size(colors.values())
+    frames = []
+    for index, record in with_depth.items():
+        color = colors.get(index)
+        frames.append(
+            FrameRef(
+                index=index,
+                camera=cameras[index],
+                read_depth=partial(_read_depth, files[index]),
+                read_pose=partial(_pose, record),
+                color_path=color,
+                colour=None if color is None else ColourRef.of_file(color, same_view(cameras[index], colour_size)),
+            )
         )
-        for index, record in with_depth.items()
-    ]
     dropped = {index: f"there is no {DEPTH!r}" for index in records if index not in with_depth}
     return Listing(frames, dropped)
 

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from .._core import PinholeCamera
 from .arkit import without_low_confidence
+from .colour import ColourRef, decode_colour, same_view, size_in
 from .errors import DatasetError
 from .intrinsics import GL_FROM_CAMERA, Intrinsics
 from .listing import Format, FrameRef, Listing, Options
@@ -38,6 +39,8 @@ def _list_frames(path: Path, options: Options) -> Listing[FrameRef]:
     if not numbers:
         raise DatasetError(path, f"{len(poses)} poses, but no depth image ({_depth_name(0)} and so on) to them")
     cameras = [options.camera] * len(poses) if options.camera else _cameras(metadata, len(poses))
+    colors = [n for n in numbers if _colour_name(n) in members]
+    colour_size = next((size_in(_read(path, _colour_name(n))) for n in colors), None)
     frames = [
         FrameRef(
             index=n,
@@ -45,6 +48,7 @@ def _list_frames(path: Path, options: Options) -> Listing[FrameRef]:
             read_depth=partial(_read_depth, path, n, f"{FOLDER}/{n}.conf" in members),
             read_pose=partial(_pose, metadata, poses[n]),
             timestamp=None if times is None else float(times[n]),
+            colour=_colour(path, n, same_view(cameras[n], colour_size)) if _colour_name(n) in members else None,
         )
         for n in numbers
     ]
@@ -54,6 +58,14 @@ def _list_frames(path: Path, options: Options) -> Listing[FrameRef]:
 
 def _depth_name(number: int) -> str:
     return f"{FOLDER}/{number}.depth"
+
+
+def _colour_name(number: int) -> str:
+    return f"{FOLDER}/{number}.jpg"
+
+
+def _colour(path: Path, number: int, camera: PinholeCamera) -> ColourRef:
+    return ColourRef(lambda: decode_colour(_read(path, _colour_name(number)), path, camera), camera)
 
 
 def _cameras(metadata: Record, count: int) -> list[PinholeCamera]:

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._core import PinholeCamera
+from .colour import ColourRef, first_size, same_view
 from .errors import DatasetError
 from .listing import Format, FrameRef, Listing, Options
 from .png import read_png_depth
@@ -45,12 +46,12 @@ def _list_frames(path: Path, options: Options) -> Listing[FrameRef]:
         raise DatasetError(trajectory, f"{len(poses)} poses, but {len(images)} depth images in {folder / DEPTH_FOLDER}")
     colors = _color_images(folder, len(images))
     camera = options.camera or CAMERA
-    return Listing(
-        [
-            FrameRef(i, camera, partial(_read_depth, images[i]), poses[i], color_path=colors[i])
-            for i in range(len(images))
-        ]
-    )
+    colour_camera = same_view(camera, first_size(colors))
+    frames = []
+    for i, color in enumerate(colors):
+        colour = None if color is None else ColourRef.of_file(color, colour_camera)
+        frames.append(FrameRef(i, camera, partial(_read_depth, images[i]), poses[i], color_path=color, colour=colour))
+    return Listing(frames)
 
 
 def _trajectories(path: Path) -> list[Path]:

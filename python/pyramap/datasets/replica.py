@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._core import PinholeCamera
+from .colour import ColourRef, first_size, same_view
 from .errors import DatasetError
 from .intrinsics import Intrinsics
 from .listing import Format, FrameRef, Listing, Options
@@ -34,17 +35,21 @@ def _list_frames(path: Path, options: Options) -> Listing[FrameRef]:
     if len(images) != len(poses):
         there = f"{len(images)} depth images (depth*.png) in {path / IMAGES}"
         raise DatasetError(path / TRAJECTORY, f"{len(poses)} poses, but {there}")
-    camera, units_per_metre = _parameters(path)
+    written, units_per_metre = _parameters(path)
+    camera = options.camera or written
+    colors = [image.with_name(image.name.replace("depth", "frame")).with_suffix(".jpg") for image in images]
+    colour_camera = same_view(camera, first_size(colors))
     frames = []
-    for index, (image, pose) in enumerate(zip(images, poses, strict=True)):
-        color = image.with_name(image.name.replace("depth", "frame")).with_suffix(".jpg")
+    for index, (image, color, pose) in enumerate(zip(images, colors, poses, strict=True)):
+        has_color = color.is_file()
         frames.append(
             FrameRef(
                 index=index,
-                camera=options.camera or camera,
+                camera=camera,
                 read_depth=partial(read_png_depth, image, units_per_metre=units_per_metre),
                 read_pose=partial(_pose, pose),
-                color_path=color if color.is_file() else None,
+                color_path=color if has_color else None,
+                colour=ColourRef.of_file(color, colour_camera) if has_color else None,
             )
         )
     return Listing(frames)

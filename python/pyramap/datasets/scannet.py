@@ -5,6 +5,7 @@ from __future__ import annotations
 from functools import partial
 from pathlib import Path
 
+from .colour import ColourRef, first_size
 from .errors import DatasetError
 from .intrinsics import Intrinsics
 from .listing import Format, FrameRef, Listing, Options
@@ -15,6 +16,7 @@ DEPTH_FOLDER = "depth"
 POSE_FOLDER = "pose"
 COLOR_FOLDER = "color"
 INTRINSICS = "intrinsic/intrinsic_depth.txt"
+COLOUR_INTRINSICS = "intrinsic/intrinsic_color.txt"
 
 _read_depth = partial(read_png_depth, units_per_metre=1000.0)
 
@@ -34,19 +36,30 @@ def _list_frames(path: Path, options: Options) -> Listing[FrameRef]:
     camera = options.camera or Intrinsics.of_matrix(path / INTRINSICS, read_matrix(path / INTRINSICS, 4)).camera(
         path / INTRINSICS, first_png_size(path, (_depth_file(path, n) for n in numbers))
     )
-    colors = _numbers(path / COLOR_FOLDER, ".jpg")
+    colors = {n: path / COLOR_FOLDER / f"{n}.jpg" for n in sorted(_numbers(path / COLOR_FOLDER, ".jpg"))}
+    colours = _colours(path, colors)
     frames = [
         FrameRef(
             index=n,
             camera=camera,
             read_depth=partial(_read_depth, _depth_file(path, n)),
             read_pose=partial(read_matrix, _pose_file(path, n), 4),
-            color_path=path / COLOR_FOLDER / f"{n}.jpg" if n in colors else None,
+            color_path=colors.get(n),
+            colour=colours.get(n),
         )
         for n in numbers
         if n not in lost
     ]
     return Listing(frames, lost)
+
+
+def _colours(folder: Path, colors: dict[int, Path]) -> dict[int, ColourRef]:
+    """The depth is registered to the colour, which has another size; without its intrinsics it cannot be fused."""
+    intrinsics, size = folder / COLOUR_INTRINSICS, first_size(colors.values())
+    if size is None or not intrinsics.is_file():
+        return {}
+    camera = Intrinsics.of_matrix(intrinsics, read_matrix(intrinsics, 4)).camera(intrinsics, size)
+    return {n: ColourRef.of_file(color, camera) for n, color in colors.items()}
 
 
 def _numbers(folder: Path, suffix: str) -> set[int]:

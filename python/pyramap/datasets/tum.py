@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._core import PinholeCamera
+from .colour import ColourRef, first_size, same_view
 from .errors import DatasetError
 from .listing import Format, FrameRef, Listing, Options
 from .png import read_png_depth
@@ -49,6 +50,7 @@ def _list_frames(path: Path, options: Options) -> Listing[FrameRef]:
     max_gap = MAX_GAP if options.max_gap is None else options.max_gap
     trajectory = _read_trajectory(path / GROUND_TRUTH, options.skip_bad)
     colors = _ColorImages(path, max_gap)
+    colour_camera = same_view(camera, colors.size())
     frames: list[FrameRef] = []
     dropped: dict[int, str] = {}
     for index, line in enumerate(read_lines(path / DEPTH_LIST)):
@@ -66,7 +68,9 @@ def _list_frames(path: Path, options: Options) -> Listing[FrameRef]:
             continue
         read_depth = partial(_read_depth, depth_path)
         read_pose = partial(_pose_matrix, trajectory, time, max_gap)
-        frames.append(FrameRef(index, camera, read_depth, read_pose, time, colors.nearest(time)))
+        color = colors.nearest(time)
+        colour = color and _colour(*color, trajectory, time, max_gap, colour_camera)
+        frames.append(FrameRef(index, camera, read_depth, read_pose, time, color and color[1], colour))
     if not frames:
         reasons = f": {next(iter(dropped.values()))}" if dropped else ""
         raise DatasetError(path / DEPTH_LIST, f"none of its {len(dropped)} images can be used{reasons}")
@@ -75,6 +79,16 @@ def _list_frames(path: Path, options: Options) -> Listing[FrameRef]:
 
 def _pose_matrix(trajectory: Trajectory, time: float, max_gap: float) -> NDArray[np.float64]:
     return trajectory.pose_at(time, max_gap).matrix()
+
+
+def _colour(
+    time: float, path: Path, trajectory: Trajectory, depth_time: float, max_gap: float, camera: PinholeCamera
+) -> ColourRef | None:
+    """The depth is registered to the colour, but was taken at another time, when the camera was elsewhere."""
+    if trajectory.gap(time) > max_gap:
+        return None
+    world_from_depth, world_from_colour = (trajectory.pose_at(t, max_gap).matrix() for t in (depth_time, time))
+    return ColourRef.of_file(path, camera, np.linalg.inv(world_from_depth) @ world_from_colour)
 
 
 def _read_trajectory(path: Path, skip_bad: bool) -> Trajectory:
@@ -116,11 +130,16 @@ class _ColorImages:
         self._times = [time for time, _ in self._files]
         self._max_gap = max_gap
 
-    def nearest(self, time: float) -> Path | None:
+    def nearest(self, time: float) -> tuple[float, Path] | None:
+        """The time and the file of the image nearest to a time, if it is near enough."""
         after = bisect_left(self._times, time)
-        near = [(abs(t - time), path) for t, path in self._files[max(after - 1, 0) : after + 1]]
-        gap, path = min(near, default=(np.inf, None))
-        return path if gap <= self._max_gap else None
+        near = self._files[max(after - 1, 0) : after + 1]
+        best = min(near, key=lambda file: abs(file[0] - time), default=None)
+        return best if best is not None and abs(best[0] - time) <= self._max_gap else None
+
+    def size(self) -> tuple[int, int] | None:
+        """Width and height of the images."""
+        return first_size(path for _, path in self._files)
 
 
 def _camera(folder: Path) -> PinholeCamera:

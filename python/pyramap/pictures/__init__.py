@@ -1,7 +1,7 @@
 """Pictures of maps, drawn without a display and without a GPU: the mesh, shaded, and slices of probability."""
 
 from .planes import AXES, Plane, axis_plane, plane_through
-from .rendering import FRONT, mesh_image
+from .rendering import FRONT, mesh_image, opaque
 from .scale_bar import with_scale_bar
 from .slices import Slice, cut, cut_difference, cut_plane, difference_image, layer_plane, slice_image
 from .views import (
@@ -35,6 +35,7 @@ __all__ = [
     "looking_along",
     "looking_at",
     "mesh_image",
+    "opaque",
     "overview",
     "plane_through",
     "slice_image",

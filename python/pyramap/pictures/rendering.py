@@ -63,7 +63,8 @@ def mesh_image(
         normals: (V, 3) unit normals for smooth shading; without them each face is flat.
         hide_backs: Leave out the faces that show their back, so that one looks through ceilings and outer walls into
             rooms; otherwise they are drawn in blue.
-        colours: (V, 3) uint8 RGB of fronts; without them they are a warm white.
+        colours: (V, 3) uint8 RGB of fronts, or (V, 4) with 0 in the last column for vertices without one, as in a map's
+            mesh; what has none is a warm white.
 
     Returns:
         (height, width, 3) uint8 image.
@@ -82,6 +83,7 @@ def mesh_image(
     image = np.full((height, width, 3), BACKGROUND, dtype=np.float32)
     if len(triangles) == 0:
         return image.astype(np.uint8)
+    colours = None if colours is None else opaque(np.asarray(colours))
     at_vertices = (None if values is None else np.asarray(values, dtype=np.float32) for values in (normals, colours))
     surface = _Surface(points, triangles, *at_vertices)
 
@@ -101,6 +103,11 @@ def mesh_image(
         openness[rows] = surface.openness(positions[rows], facing[rows], reach)
     openness = _mean_over_tiles(openness, positions, facing, reach)
     return np.asarray(np.round(image * (_DARKEST + (1 - _DARKEST) * openness[..., None])), dtype=np.uint8)
+
+
+def opaque(colours: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """(V, 3) colours for every vertex, out of the (V, 4) of a map's mesh: those that have none get that of a front."""
+    return colours if colours.shape[1] == 3 else np.where(colours[:, 3:] > 0, colours[:, :3], np.array(FRONT, np.uint8))
 
 
 @dataclass(frozen=True)

@@ -69,7 +69,8 @@ def make(
     if grid.bounds is None or len(mesh.faces) == 0:
         raise ValueError("the map has no surface: there is nothing to report")
     view = pictures.overview(mesh.vertices, mesh.faces, up, _PICTURE)
-    geometry = decimated(mesh.vertices, mesh.faces, most_faces, grid.voxel_size)
+    colours = None if mesh.colours is None else pictures.opaque(mesh.colours)
+    geometry = decimated(mesh.vertices, mesh.faces, most_faces, grid.voxel_size, colours)
     statistics = count(grid)
     layers = [pictures.cut(grid, axis, at) for axis, at in enumerate(grid.bounds.mean(axis=0))]
     # The level plane first: it is the one that people know from plans.
@@ -149,7 +150,7 @@ def _overview(mesh: Mesh, view: pictures.View) -> str:
     """What stands in the place of the surface until the page's script runs, and where it cannot."""
     if not rendering.can_draw_meshes():
         return '<p id="picture">To see the surface, open this page in a browser with WebGL 2.</p>'
-    image = pictures.mesh_image(mesh.vertices, mesh.faces, view, mesh.normals)
+    image = pictures.mesh_image(mesh.vertices, mesh.faces, view, mesh.normals, colours=mesh.colours)
     return f'<img id="picture" alt="The surface of the map from obliquely above" src="{_source(image)}">'
 
 

@@ -105,7 +105,8 @@ class Recorder:
                 vertex_positions=mesh.vertices,
                 triangle_indices=mesh.faces,
                 vertex_normals=mesh.normals,
-                albedo_factor=pictures.FRONT,
+                vertex_colors=None if mesh.colours is None else pictures.opaque(mesh.colours),
+                albedo_factor=pictures.FRONT if mesh.colours is None else None,
             )
             self.stream.log(MESH, surface, static=always)
         return boxes

@@ -11,8 +11,13 @@ use crate::update::UpdateRule;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
-/// The version that is written.
-pub const VERSION: u32 = 2;
+/// The latest version.
+pub const VERSION: u32 = 3;
+/// That of maps without colour.
+const WITHOUT_COLOUR: u32 = 2;
+
+/// As version 3 writes them, for maps that keep colours: the parameters of version 2, and how many blocks have a colour.
+type Head3 = (Head, u64);
 
 /// Parameters and counts of a map, as version 2 writes them.
 #[derive(Serialize, Deserialize)]
@@ -61,11 +66,26 @@ impl Head1 {
 }
 
 impl Head {
-    /// Reads the head of a file of a version up to [`VERSION`].
-    pub fn read(version: u32, payload: &[u8]) -> Result<Self, Damage> {
+    /// The head in the earliest version that can say it, and that version. `num_coloured` says how many blocks have a
+    /// colour, of a map that keeps any.
+    pub fn written(self, num_coloured: Option<usize>) -> (u32, Vec<u8>) {
+        let (version, bytes) = match num_coloured {
+            None => (WITHOUT_COLOUR, postcard::to_allocvec(&self)),
+            Some(count) => (VERSION, postcard::to_allocvec::<Head3>(&(self, count as u64))),
+        };
+        (version, bytes.expect("plain data can be written to memory"))
+    }
+
+    /// Reads the head of a file of a version up to [`VERSION`], and how many blocks have a colour.
+    pub fn read(version: u32, payload: &[u8]) -> Result<(Self, u64), Damage> {
         match version {
-            1 => whole::<Head1>(payload)?.current().map_err(Damage::Parameter),
-            _ => whole(payload),
+            1 => Ok((whole::<Head1>(payload)?.current().map_err(Damage::Parameter)?, 0)),
+            WITHOUT_COLOUR => Ok((whole(payload)?, 0)),
+            _ => {
+                let (mut head, num_coloured) = whole::<Head3>(payload)?;
+                head.config.colour = true;
+                Ok((head, num_coloured))
+            }
         }
     }
 }

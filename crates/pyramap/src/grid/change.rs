@@ -8,6 +8,7 @@
 
 use super::OccupancyGrid;
 use crate::block::{BLOCK_VOXELS, Block, BlockData, BlockKey, Blocks, voxel_offset};
+use crate::colour::Sums;
 use crate::commit::budget;
 use crate::depth::DepthImage;
 use crate::error::{Error, Result};
@@ -50,7 +51,7 @@ impl OccupancyGrid {
     /// less than what is seen now, until the voxel is unknown again.
     ///
     /// Rounding takes at least one step of 2^-12 from each voxel at each call, so that many small decays weaken more than
-    /// one by their product.
+    /// one by their product. Colours stay: they are means, and say what was seen, not how surely.
     ///
     /// # Errors
     /// [`Error::Parameter`] unless the factor lies between 0 and 1, both excluded; [`Error::MapFull`], since blocks of
@@ -139,10 +140,31 @@ impl OccupancyGrid {
                 }
             }
         })?;
-        if changed {
+        if changed | self.erase_colours(|key| voxels.overlap(key), side) {
             self.history = self.history.and(History { erasures: 1, ..History::default() });
         }
         Ok(())
+    }
+
+    /// Forgets the colours on one side of a region's border. Says whether there were any.
+    fn erase_colours(&mut self, overlap: impl Fn(BlockKey) -> Overlap, side: Side) -> bool {
+        let untouched = if side == Side::Inside { Overlap::None } else { Overlap::Whole };
+        let overlaps = self.colours.keys().map(|key| (key, overlap(key)));
+        let parts: Vec<_> = overlaps.filter(|(_, overlap)| *overlap != untouched).collect();
+        let erased = self.colours.erased(&parts, |overlap, sums| {
+            let before = std::mem::replace(sums, NO_COLOUR);
+            let Overlap::Part(part) = overlap else { return };
+            match side {
+                Side::Inside => {
+                    *sums = before;
+                    offsets(part.clone()).for_each(|offset| sums[offset] = NO_COLOUR[offset]);
+                }
+                Side::Outside => offsets(part.clone()).for_each(|offset| sums[offset] = before[offset]),
+            }
+        });
+        let changed = self.colours.changed_by(&erased);
+        self.colours.store(erased);
+        changed
     }
 
     /// Makes some blocks unknown and replaces the voxels of others: all of it, or nothing. Says whether any voxel is
@@ -201,12 +223,16 @@ impl OccupancyGrid {
             let more = needed.saturating_sub(freed);
             if new_slots > 0 || more > 0 {
                 let (directory, backend) = (&self.directory, self.backend.as_ref());
-                budget(directory, directory.len(), backend, new_slots, more, self.config.max_bytes)?;
+                let beside = more + self.colours.bytes();
+                budget(directory, directory.len(), backend, new_slots, beside, self.config.max_bytes)?;
             }
         }
         self.backend.reserve(new_slots)
     }
 }
+
+/// A block without any colour.
+const NO_COLOUR: Sums = [[0; 4]; BLOCK_VOXELS];
 
 /// A block of which nothing is known.
 const UNKNOWN: BlockData = [0; BLOCK_VOXELS];

@@ -21,6 +21,6 @@ impl OccupancyGrid {
         self.synchronize()?;
         self.check_position(pose, 0.0)?;
         self.backend.see_points(&self.config, points, pose)?;
-        self.finish(Frame { sign: 1, stats: FrameStats::default(), submitted: None })
+        self.finish(Frame::new(1))
     }
 }

@@ -1,5 +1,6 @@
 //! One block's part of the surface: which of its edges carry a vertex, which of its cells draw, and the vertices.
 
+use super::colours::OnEdge;
 use super::ones;
 use super::sides::{BlockSlab, SLAB, Sides, Surface};
 use crate::block::{BLOCK_EDGE, Block, BlockKey, voxel_offset};
@@ -28,6 +29,16 @@ impl EdgeSet {
             })
         });
         Self { slabs, before }
+    }
+
+    /// The edges in their order, by axis and first voxel.
+    fn each(&self) -> impl Iterator<Item = (usize, [usize; 3])> {
+        let slabs = self
+            .slabs
+            .iter()
+            .enumerate()
+            .flat_map(|(axis, slabs)| slabs.iter().enumerate().map(move |(x, &slab)| (axis, x, slab)));
+        slabs.flat_map(|(axis, x, slab)| ones(slab).map(move |bit| (axis, [x, bit / BLOCK_EDGE, bit % BLOCK_EDGE])))
     }
 
     /// The position in the set of the edge that runs along an axis from the voxel at an offset.
@@ -171,20 +182,18 @@ impl<'a> Neighbourhood<'a> {
         normals: &mut Vec<[f32; 3]>,
     ) {
         let first_voxel = key.map(|i| f64::from(i) * BLOCK_EDGE as f64);
-        for (axis, slabs) in edges.slabs.iter().enumerate() {
-            for (x, &slab) in slabs.iter().enumerate() {
-                for bit in ones(slab) {
-                    let voxel = [x, bit / BLOCK_EDGE, bit % BLOCK_EDGE];
-                    let sample = (0..3).map(|i| (voxel[i] + 1) * STRIDE[i]).sum();
-                    let fraction = self.crossing(sample, axis);
-                    vertices.push(std::array::from_fn(|i| {
-                        let along = if i == axis { fraction } else { 0.0 };
-                        ((first_voxel[i] + voxel[i] as f64 + 0.5 + along) * self.surface.voxel_size) as f32
-                    }));
-                    normals.push(self.normal(sample, axis, fraction));
-                }
-            }
+        for OnEdge { voxel, axis, fraction } in self.vertices(edges) {
+            vertices.push(std::array::from_fn(|i| {
+                let along = if i == axis { fraction } else { 0.0 };
+                ((first_voxel[i] + voxel[i] as f64 + 0.5 + along) * self.surface.voxel_size) as f32
+            }));
+            normals.push(self.normal(sample_of(voxel), axis, fraction));
         }
+    }
+
+    /// Where on their edges the vertices lie.
+    pub fn vertices(&self, edges: &EdgeSet) -> impl Iterator<Item = OnEdge> {
+        edges.each().map(|(axis, voxel)| OnEdge { voxel, axis, fraction: self.crossing(sample_of(voxel), axis) })
     }
 
     /// Where the edge from a sample meets the surface, as a fraction of its length: evidence is linear between.
@@ -217,6 +226,11 @@ impl<'a> Neighbourhood<'a> {
         let rise = f64::from(if high { behind } else { here }) - f64::from(if low { before } else { here });
         if low && high { rise / 2.0 } else { rise }
     }
+}
+
+/// The sample of one of the block's voxels.
+fn sample_of(voxel: [usize; 3]) -> usize {
+    (0..3).map(|i| (voxel[i] + 1) * STRIDE[i]).sum()
 }
 
 /// The bits of a slab, and those one stride further.

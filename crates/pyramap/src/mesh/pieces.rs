@@ -42,12 +42,16 @@ pub(super) fn without_small_pieces(mesh: Mesh, min_faces: usize) -> Mesh {
             number
         })
         .collect();
-    let of_used = |rows: &[[f32; 3]]| rows.iter().zip(&used).filter(|&(_, &used)| used).map(|(row, _)| *row).collect();
     Mesh {
-        vertices: of_used(&mesh.vertices),
+        vertices: of_used(&mesh.vertices, &used),
         faces: faces.iter().map(|face| face.map(|vertex| numbers[vertex as usize])).collect(),
-        normals: of_used(&mesh.normals),
+        normals: of_used(&mesh.normals, &used),
+        colours: mesh.colours.map(|colours| of_used(&colours, &used)),
     }
+}
+
+fn of_used<T: Copy>(rows: &[T], used: &[bool]) -> Vec<T> {
+    rows.iter().zip(used).filter(|&(_, &used)| used).map(|(row, _)| *row).collect()
 }
 
 #[cfg(test)]
@@ -62,7 +66,8 @@ mod tests {
     fn mesh(faces: Vec<[u32; 3]>) -> Mesh {
         let count = faces.iter().flatten().max().map_or(0, |&last| last + 1);
         let rows = |scale: f32| (0..count).map(|n| [n as f32 * scale, 0.0, 0.0]).collect();
-        Mesh { vertices: rows(1.0), faces, normals: rows(-1.0) }
+        let colours = Some((0..count).map(|n| [n as u8, 0, 0, 255]).collect());
+        Mesh { vertices: rows(1.0), faces, normals: rows(-1.0), colours }
     }
 
     #[test]
@@ -73,13 +78,14 @@ mod tests {
         assert_eq!(left.faces, [strip(0, 3), strip(5, 4)].concat());
         assert_eq!(left.vertices.len(), 11);
         assert_eq!(left.normals[10], [-10.0, 0.0, 0.0]);
+        assert_eq!(left.colours.unwrap()[10], [10, 0, 0, 255]);
 
         let left = without_small_pieces(mesh(faces.clone()), 4);
         assert_eq!(left.faces, strip(0, 4));
         assert_eq!(left.vertices.iter().map(|row| row[0]).collect::<Vec<_>>(), [5.0, 6.0, 7.0, 8.0, 9.0, 10.0]);
 
         assert_eq!(without_small_pieces(mesh(faces.clone()), 1), mesh(faces.clone()));
-        assert_eq!(without_small_pieces(mesh(faces), 5), Mesh::default());
+        assert_eq!(without_small_pieces(mesh(faces), 5), Mesh { colours: Some(Vec::new()), ..Mesh::default() });
     }
 
     #[test]
