@@ -66,7 +66,9 @@ impl Stages {
     fn commit(&mut self) {
         let Self { changes, directory, buffers, backend, .. } = self;
         let limits = Limits { low: i32::MIN, high: i32::MAX };
-        Commit { changes, sign: 1, limits, directory, buffers }.apply(backend, None).expect("no budget");
+        Commit { changes, sign: 1, limits, directory, buffers, colour_bytes: 0 }
+            .apply(backend, None)
+            .expect("no budget");
     }
 }
 
