@@ -46,7 +46,7 @@ def test_seven_scenes_gives_every_frame_with_its_depth_pose_and_colour(tmp_path:
         assert np.array_equal(f.world_from_camera, pose(f.index))
         assert f.timestamp is None
         assert intrinsics(f.camera) == intrinsics(CAMERA)
-    assert [f.color_path and f.color_path.name for f in frames] == [
+    assert [f.colour_path and f.colour_path.name for f in frames] == [
         "frame-000003.color.jpg",
         "frame-000007.color.png",
         None,
@@ -168,7 +168,7 @@ def test_tum_camera_is_known_by_the_folder(tmp_path: Path) -> None:
 def test_tum_takes_the_nearest_colour_image(tmp_path: Path) -> None:
     folder = write_tum(tmp_path, [1.0, 1.1, 1.2], [truth_line(t) for t in (1.0, 1.1, 1.2)])
     (folder / "rgb.txt").write_text("1.109 rgb/c.png\n0.99 rgb/a.png\n1.004 rgb/b.png\n")
-    colours = [f.color_path for f in datasets.open(folder, camera=CAMERA)]
+    colours = [f.colour_path for f in datasets.open(folder, camera=CAMERA)]
     assert colours == [folder / "rgb/b.png", folder / "rgb/c.png", None]
 
 
@@ -223,7 +223,7 @@ def test_redwood_matches_images_and_poses_by_number(tmp_path: Path) -> None:
         assert f.index == i
         assert f.depth.tolist() == metres(stored_image(i), 1000)
         assert np.array_equal(f.world_from_camera, pose(i))
-        assert f.color_path == tmp_path / "rgb" / f"{i}.jpg"
+        assert f.colour_path == tmp_path / "rgb" / f"{i}.jpg"
         assert f.timestamp is None
     assert intrinsics(datasets.open(tmp_path).camera) == (640, 480, 525, 525, 319.5, 239.5)
 
@@ -239,7 +239,7 @@ def test_redwood_takes_any_log_of_that_form_and_asks_which_of_several(tmp_path: 
     assert dataset.name == "other.log"
     assert len(list(dataset)) == 3
     # No colour images: none are made up.
-    assert all(f.color_path is None for f in dataset)
+    assert all(f.colour_path is None for f in dataset)
 
 
 @pytest.mark.parametrize("skip_bad", [False, True])
@@ -357,7 +357,7 @@ def test_real_red_kitchen() -> None:
     assert np.array_equal(first.world_from_camera, np.loadtxt(folder / "frame-000000.pose.txt"))
     part = list(dataset[::57])
     assert len(part) == 12
-    assert all(f.color_path is not None for f in part if f.index % 6 == 0)
+    assert all(f.colour_path is not None for f in part if f.index % 6 == 0)
     for f in part:
         with Image.open(folder / f"frame-{f.index:06d}.depth.png") as image:
             stored = np.asarray(image).astype(int)

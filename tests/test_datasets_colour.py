@@ -133,8 +133,8 @@ def test_seven_scenes_has_the_kinects_other_camera(tmp_path: Path) -> None:
     none, png, jpg = datasets.open(folder)
     assert (none.colour, none.colour_camera, none.depth_from_colour) == (None, None, None)
     np.testing.assert_array_equal(png.colour, image(1, (640, 480)))
-    assert jpg.color_path is not None
-    np.testing.assert_array_equal(jpg.colour, decoded(jpg.color_path))
+    assert jpg.colour_path is not None
+    np.testing.assert_array_equal(jpg.colour, decoded(jpg.colour_path))
     for frame in (png, jpg):
         assert frame.colour_camera == seven_scenes.KINECT_COLOUR
         np.testing.assert_array_equal(frame.depth_from_colour, seven_scenes.DEPTH_FROM_COLOUR)

@@ -42,7 +42,7 @@ def test_scannet_gives_depth_and_poses_by_their_numbers(tmp_path: Path) -> None:
         assert frame.index == n
         assert frame.depth.tolist() == metres(stored_image(n), 1000)
         assert np.array_equal(frame.world_from_camera, pose(n))
-        assert frame.color_path == (tmp_path / "color" / "7.jpg" if n == 7 else None)
+        assert frame.colour_path == (tmp_path / "color" / "7.jpg" if n == 7 else None)
 
 
 def test_scannet_leaves_out_the_frames_where_the_camera_was_lost(tmp_path: Path) -> None:
@@ -86,7 +86,7 @@ def test_replica_takes_the_scale_and_the_camera_of_the_file_above(tmp_path: Path
         assert frame.index == n
         assert frame.depth.tolist() == metres(stored_image(n), 6553.5)
         assert np.array_equal(frame.world_from_camera, pose(n))
-        assert frame.color_path == folder / "results" / f"frame{n:06d}.jpg"
+        assert frame.colour_path == folder / "results" / f"frame{n:06d}.jpg"
 
 
 @pytest.mark.parametrize(
@@ -153,7 +153,7 @@ def test_nerfstudio_turns_the_axes_and_fits_the_intrinsics_to_the_depth(tmp_path
     np.testing.assert_allclose(rays_of_the_corners(dataset.camera), corners, rtol=1e-12)
     for n, frame in enumerate(dataset):
         assert frame.depth.tolist() == metres(stored_image(n), 1000)
-        assert frame.color_path == tmp_path / "images" / f"frame_{n:05d}.png"
+        assert frame.colour_path == tmp_path / "images" / f"frame_{n:05d}.png"
         for point in ((1.0, 2.0, 3.0), (-0.5, 0.25, 2.0)):
             np.testing.assert_allclose(frame.world_from_camera @ [*point, 1], seen_from_opengl(pose(n), point))
 

@@ -74,7 +74,7 @@ def test_frames_are_the_views_in_order() -> None:
         assert np.array_equal(frame.world_from_camera, scene.poses()[index])
         assert np.array_equal(frame.depth, scene.render(scene.camera, scene.poses()[index]))
         assert frame.timestamp == pytest.approx(index / 30)
-        assert frame.color_path is None
+        assert frame.colour_path is None
     assert [frame.index for frame in frames[5:30:10]] == [5, 15, 25]
     assert frames[-1].index == 180
     assert [frame.index for frame in frames[10:20][::5]] == [10, 15]

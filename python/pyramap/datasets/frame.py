@@ -25,7 +25,7 @@ class Frame:
         camera: the intrinsics that the depth image was taken with.
         world_from_camera: (4, 4) float64, as the data set gives it; camera axes x right, y down, z forward, metres.
         timestamp: seconds, or None if the data set has no times.
-        color_path: the file of this frame's colour image, or None; it is not opened.
+        colour_path: the file of this frame's colour image, or None; it is not opened.
         colour_ref: where the colour image comes from, and its camera; None if there is none that can be fused.
     """
 
@@ -34,7 +34,7 @@ class Frame:
     camera: PinholeCamera
     world_from_camera: NDArray[np.float64]
     timestamp: float | None = None
-    color_path: Path | None = None
+    colour_path: Path | None = None
     colour_ref: ColourRef | None = None
 
     @property

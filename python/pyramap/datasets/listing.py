@@ -44,7 +44,7 @@ class FrameRef:
             `DatasetError`.
         read_pose: gives `world_from_camera`, (4, 4) float64, or raises `DatasetError`.
         timestamp: seconds, or None.
-        color_path: the file of its colour image, or None.
+        colour_path: the file of its colour image, or None.
         colour: where its colour image comes from, or None.
     """
 
@@ -53,7 +53,7 @@ class FrameRef:
     read_depth: Callable[[PinholeCamera], NDArray[np.float32]]
     read_pose: Callable[[], NDArray[np.float64]]
     timestamp: float | None = None
-    color_path: Path | None = None
+    colour_path: Path | None = None
     colour: ColourRef | None = None
 
     def load(self) -> Frame:
@@ -64,7 +64,7 @@ class FrameRef:
             depth=self.read_depth(self.camera),
             camera=self.camera,
             timestamp=self.timestamp,
-            color_path=self.color_path,
+            colour_path=self.colour_path,
             colour_ref=self.colour,
         )
 

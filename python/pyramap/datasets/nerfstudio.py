@@ -55,7 +55,7 @@ def _list_frames(path: Path, options: Options) -> Listing[FrameRef]:
                 camera=cameras[index],
                 read_depth=partial(_read_depth, files[index]),
                 read_pose=partial(_pose, record),
-                color_path=color,
+                colour_path=color,
                 colour=None if color is None else ColourRef.of_file(color, same_view(cameras[index], colour_size)),
             )
         )

@@ -50,7 +50,7 @@ def _list_frames(path: Path, options: Options) -> Listing[FrameRef]:
     frames = []
     for i, color in enumerate(colors):
         colour = None if color is None else ColourRef.of_file(color, colour_camera)
-        frames.append(FrameRef(i, camera, partial(_read_depth, images[i]), poses[i], color_path=color, colour=colour))
+        frames.append(FrameRef(i, camera, partial(_read_depth, images[i]), poses[i], colour_path=color, colour=colour))
     return Listing(frames)
 
 

@@ -48,7 +48,7 @@ def _list_frames(path: Path, options: Options) -> Listing[FrameRef]:
                 camera=camera,
                 read_depth=partial(read_png_depth, image, units_per_metre=units_per_metre),
                 read_pose=partial(_pose, pose),
-                color_path=color if has_color else None,
+                colour_path=color if has_color else None,
                 colour=ColourRef.of_file(color, colour_camera) if has_color else None,
             )
         )

@@ -44,7 +44,7 @@ def _list_frames(path: Path, options: Options) -> Listing[FrameRef]:
             camera=camera,
             read_depth=partial(_read_depth, _depth_file(path, n)),
             read_pose=partial(read_matrix, _pose_file(path, n), 4),
-            color_path=colors.get(n),
+            colour_path=colors.get(n),
             colour=colours.get(n),
         )
         for n in numbers

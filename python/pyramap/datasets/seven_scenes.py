@@ -69,7 +69,7 @@ def _frame(
         camera=camera,
         read_depth=partial(_read_depth, _file(folder, digits, DEPTH)),
         read_pose=partial(read_matrix, _file(folder, digits, POSE), 4),
-        color_path=colour,
+        colour_path=colour,
         colour=None if colour is None else ColourRef.of_file(colour, colour_camera, DEPTH_FROM_COLOUR),
     )
 

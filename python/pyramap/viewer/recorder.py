@@ -75,8 +75,8 @@ class Recorder:
         pose = frame.world_from_camera
         self.stream.log(CAMERA, _transform(pose), _pinhole(frame.camera))
         self.stream.log(DEPTH, _depth_image(frame.depth))
-        if frame.color_path is not None:
-            self.stream.log(COLOUR, rr.EncodedImage(path=frame.color_path))
+        if frame.colour_path is not None:
+            self.stream.log(COLOUR, rr.EncodedImage(path=frame.colour_path))
         if self._before is not None:
             way = np.stack([self._before.world_from_camera[:3, 3], pose[:3, 3]])
             self.stream.log(TRAJECTORY, rr.LineStrips3D([way], colors=_TRAJECTORY_COLOUR))
