@@ -205,8 +205,11 @@ def ideal(view: View, centres: Array) -> Array:
 
 
 # Where the rule `area` samples a voxel, from its centre, in edges: a lattice of eight points that differ in all three
-# coordinates, so that a voxel seen face on is sampled at eight places of its face and not at four.
+# coordinates, so that a voxel seen face on is sampled at eight places of its face and not at four. Where their log-odds
+# differ by more than the tolerance, or none is told anything, there are 48 more.
 AREA_POINTS = np.array([[(k + 0.5) * g / 8 % 1 - 0.5 for g in (1, 5, 7)] for k in range(8)])
+AREA_MORE_POINTS = np.array([[(k + 0.5) * g / 48 % 1 - 0.5 for g in (1, 13, 19)] for k in range(48)])
+AREA_TOLERANCE = 0.5
 
 
 def area(view: View, centres: Array) -> Array:
@@ -214,18 +217,31 @@ def area(view: View, centres: Array) -> Array:
     of the voxel's centre: what Eq. 8 and 9 are for infinitely many pixels and points. Points outside the image take the
     pixel next to them; those behind the camera or in a pixel without a valid range do not count."""
     z, ranges = view.project(centres)[2], view.ranges()
-    total, count = np.zeros_like(z), np.zeros_like(z)
-    for point in AREA_POINTS:
-        u, v, _, _ = view.project(centres + point * view.voxel_size)
-        before = ~np.isnan(u)
-        column = np.clip(np.floor(u[before] + 0.5), 0, view.camera.width - 1).astype(int)
-        row = np.clip(np.floor(v[before] + 0.5), 0, view.camera.height - 1).astype(int)
-        measured = np.full(z.shape, np.nan)
-        measured[before] = ranges[row, column]
-        valid = ~np.isnan(measured)
-        total[valid] += view.model.log_odds(z[valid], measured[valid])
-        count += valid
-    return np.divide(total, count, out=np.full_like(z, np.nan), where=count > 0)
+
+    def told(points: Array) -> Array:
+        log_odds = np.full((len(points), len(z)), np.nan)
+        for n, point in enumerate(points):
+            u, v, _, _ = view.project(centres + point * view.voxel_size)
+            before = ~np.isnan(u)
+            column = np.clip(np.floor(u[before] + 0.5), 0, view.camera.width - 1).astype(int)
+            row = np.clip(np.floor(v[before] + 0.5), 0, view.camera.height - 1).astype(int)
+            measured = np.full(z.shape, np.nan)
+            measured[before] = ranges[row, column]
+            valid = ~np.isnan(measured)
+            log_odds[n, valid] = view.model.log_odds(z[valid], measured[valid])
+        return log_odds
+
+    return mean_of_points(told(AREA_POINTS), told(AREA_MORE_POINTS))
+
+
+def mean_of_points(few: Array, more: Array) -> Array:
+    """Of what points were told, (points, N), NaN for nothing: the mean of few where they agree, else of all of them."""
+    with np.errstate(all="ignore"):
+        spread = np.fmax.reduce(few) - np.fmin.reduce(few)
+    everything = np.concatenate([few, np.where(spread <= AREA_TOLERANCE, np.nan, more)])
+    count = (~np.isnan(everything)).sum(axis=0)
+    total = np.nansum(everything, axis=0)
+    return np.divide(total, count, out=np.full(total.shape, np.nan), where=count > 0)
 
 
 Rule = Callable[[View, Array], Array]

@@ -14,7 +14,7 @@ from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from reference import AREA_POINTS, Array, Index, Mask, Model, layer, layer_index
+from reference import AREA_MORE_POINTS, AREA_POINTS, Array, Index, Mask, Model, layer, layer_index, mean_of_points
 
 TAU = 2 * math.pi
 
@@ -62,7 +62,7 @@ class Lidar:
         rows = len(self.elevations) + 1
         ends = abs(self.elevations[1] - self.elevations[0]) + abs(self.elevations[-1] - self.elevations[-2])
         spacing = (spacing * (len(self.elevations) - 1) + ends) / rows
-        return math.sqrt(self.width / abs(self.azimuth_span) / spacing)
+        return min(self.width / abs(self.azimuth_span), 1 / spacing)
 
     def shape(self) -> tuple[int, int]:
         return len(self.elevations), self.width
@@ -281,16 +281,19 @@ def min_layer(view: View, centres: Array) -> Array:
 def area(view: View, centres: Array) -> Array:
     """The mean over points spread evenly in the voxel, each giving the log-odds of the pixel that it falls in."""
     z, measured = view.project(centres)[2], view.measured()
-    total, count = np.zeros_like(z), np.zeros_like(z)
-    for point in AREA_POINTS:
-        u, v, _ = view.project(centres + point * view.voxel_size)
-        before = ~np.isnan(u)
-        reading = np.full(z.shape, np.nan)
-        reading[before] = measured[view.texel(np.floor(u[before] + 0.5), np.floor(v[before] + 0.5), measured.shape)]
-        valid = ~np.isnan(reading)
-        total[valid] += view.model.log_odds(z[valid], reading[valid])
-        count += valid
-    return np.divide(total, count, out=np.full_like(z, np.nan), where=count > 0)
+
+    def told(points: Array) -> Array:
+        log_odds = np.full((len(points), len(z)), np.nan)
+        for n, point in enumerate(points):
+            u, v, _ = view.project(centres + point * view.voxel_size)
+            before = ~np.isnan(u)
+            reading = np.full(z.shape, np.nan)
+            reading[before] = measured[view.texel(np.floor(u[before] + 0.5), np.floor(v[before] + 0.5), measured.shape)]
+            valid = ~np.isnan(reading)
+            log_odds[n, valid] = view.model.log_odds(z[valid], reading[valid])
+        return log_odds
+
+    return mean_of_points(told(AREA_POINTS), told(AREA_MORE_POINTS))
 
 
 def ideal(view: View, centres: Array) -> Array:

@@ -87,13 +87,13 @@ def test_spheres_accuracy(tmp_path: Path) -> None:
 
 def test_area_sampling(tmp_path: Path) -> None:
     tables = run("area_sampling.py", tmp_path).split("\n\n")
-    assert len(tables) == 3
+    assert len(tables) == 4
     for table in tables:
         (chosen,) = [line for line in table.splitlines() if line.endswith("chosen")]
-        texels, mean, p99, times_smaller = chosen.split(")")[1].split("(")[0].split()
-        assert int(texels) == 8
+        texels, mean, p99, times_smaller = chosen.split("needed")[1].split("(")[0].split()
+        assert 8 < float(texels) < 40
         assert 0.0 < float(mean) < float(p99)
-        assert float(times_smaller) > 7.0  # of a single view; `test_area.py` holds several to the aim
+        assert float(times_smaller) > 8.0  # of a single view; `test_area.py` holds several to the aim
 
 
 def test_explore(tmp_path: Path) -> None:

@@ -109,11 +109,11 @@ def test_figure_5_is_what_its_text_says() -> None:
     usual, moved = (layouts[layout.name].mean_errors() for layout in (axis.USUAL, figure5.MOVED))
     assert usual["pyramid"] <= 0.002
     assert usual["min_layer"] > 3 * usual["pyramid"]
-    assert usual["area"] == pytest.approx(usual["min_layer"], rel=0.2)
+    assert usual["area"] < 1.5 * usual["pyramid"]
     assert usual["literal"] > 20 * usual["pyramid"]
     assert moved["pyramid"] > 10 * usual["pyramid"]
     assert moved["min_layer"] > 1.5 * moved["pyramid"]
-    assert moved["area"] == pytest.approx(usual["area"], rel=0.05)
+    assert moved["area"] == pytest.approx(usual["area"], rel=0.2)
     on_the_axis = layouts["border on the axis"].mean_errors()
     assert max(on_the_axis[rule] for rule in figure5.RULES) < 2e-4
     hidden = layouts[figure5.MOVED.name].occupancies["min_layer"]

@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 from compare import blocks_of_box
 from reference import (
+    AREA_MORE_POINTS,
     AREA_POINTS,
+    AREA_TOLERANCE,
     FREE,
     RULES,
     Array,
@@ -25,6 +27,7 @@ from reference import (
     interpolate,
     layer,
     layer_index,
+    mean_of_points,
     min_layer,
     pyramid,
 )
@@ -176,7 +179,12 @@ def test_ideal_inside_the_cameras_own_voxel() -> None:
 
 
 def test_area_is_the_mean_over_points_inside_the_voxel() -> None:
-    # A voxel 3.5 to 4.5 m in front of 2x2 pixels that meet on its middle: two of the points are in each pixel.
+    # A voxel 3.5 to 4.5 m in front of 2x2 pixels that meet on its middle. Two of the first eight points are in each;
+    # where these do not settle it, so many of all 56 are.
+    points = np.concatenate([AREA_POINTS, AREA_MORE_POINTS])
+    right, below = points[:, 0] > 0, points[:, 1] > 0
+    w = np.array([[np.sum((below == row) & (right == column)) for column in (0, 1)] for row in (0, 1)])
+    assert w.sum() == 56
     camera = Camera(2, 2, 1.0, 1.0, 0.5, 0.5)
     pose = np.eye(4)
     pose[:3, 3] = 0.5, 0.5, -3.5
@@ -188,13 +196,25 @@ def test_area_is_the_mean_over_points_inside_the_voxel() -> None:
     # (rel: ranges are rounded to float32)
     slant = math.sqrt(1 + 0.5**2 + 0.5**2)
     near, far = at(MODEL, 4.0, 3.5 * slant), at(MODEL, 4.0, 4.5 * slant)
-    assert seen([[3.5, 4.5], [4.5, 4.5]]) == pytest.approx((near + 3 * far) / 4, rel=1e-5)
-    assert seen([[0.0, 4.5], [3.5, NAN]]) == pytest.approx((near + far) / 2, rel=1e-5)
-    assert seen([[INF, INF], [INF, 3.5]]) == pytest.approx((3 * FREE + near) / 4, rel=1e-5)
+    assert seen([[3.5, 4.5], [4.5, 4.5]]) == pytest.approx((w[0, 0] * near + (56 - w[0, 0]) * far) / 56, rel=1e-5)
+    diagonal = (w[1, 0] * near + w[0, 1] * far) / (w[1, 0] + w[0, 1])
+    assert seen([[0.0, 4.5], [3.5, NAN]]) == pytest.approx(diagonal, rel=1e-5)
+    assert seen([[INF, INF], [INF, 3.5]]) == pytest.approx((w[1, 1] * near + (56 - w[1, 1]) * FREE) / 56, rel=1e-5)
     assert math.isnan(seen([[0.0, 0.0], [NAN, -1.0]]))
+    # What differs by less than the tolerance is settled by the first eight.
+    alike = at(MODEL, 4.0, 4.5 * slant), at(MODEL, 4.0, 4.6 * slant)
+    assert 0 < abs(alike[1] - alike[0]) < AREA_TOLERANCE
+    assert seen([[4.5, 4.6], [4.6, 4.6]]) == pytest.approx((alike[0] + 3 * alike[1]) / 4, rel=1e-5)
     # An image of the left column alone: the points right of it see its pixels.
-    assert seen([[3.5], [4.5]], Camera(1, 2, 1.0, 1.0, 0.5, 0.5)) == pytest.approx((near + far) / 2, rel=1e-5)
+    rows = (w[0].sum() * near + w[1].sum() * far) / 56
+    assert seen([[3.5], [4.5]], Camera(1, 2, 1.0, 1.0, 0.5, 0.5)) == pytest.approx(rows, rel=1e-5)
     assert seen([[3.5], [0.0]], Camera(1, 2, 1.0, 1.0, 0.5, 0.5)) == pytest.approx(near, rel=1e-5)
+
+
+def test_area_asks_more_points_where_eight_do_not_settle_it() -> None:
+    few = np.array([[0.1, 0.1, NAN, NAN], [0.3, 0.9, NAN, NAN], [NAN, NAN, NAN, NAN]])
+    more = np.array([[2.0, 0.2, NAN, NAN], [2.0, NAN, 3.0, NAN], [2.0, 0.4, 4.0, NAN]])
+    np.testing.assert_allclose(mean_of_points(few, more), [0.2, 1.6 / 4, 3.5, NAN])
 
 
 def test_area_leaves_out_points_behind_the_camera() -> None:
@@ -203,9 +223,11 @@ def test_area_leaves_out_points_behind_the_camera() -> None:
     pose[:3, 3] = 0.5, 0.5, 0.3
     image = np.array([[0.1, 5.0]], np.float32)
     view = View(image, Camera(2, 1, 1.0, 1.0, 0.5, 0.0), pose, 1.0, MODEL)
-    left = sum(1 for x, _, z in AREA_POINTS if z + 0.5 > 0.3 and x < 0)
-    right = sum(1 for x, _, z in AREA_POINTS if z + 0.5 > 0.3 and x > 0)
-    assert left + right < 8
+    # What these see differs by more than the tolerance, so that all points are asked.
+    points = np.concatenate([AREA_POINTS, AREA_MORE_POINTS])
+    left = sum(1 for x, _, z in points if z + 0.5 > 0.3 and x < 0)
+    right = sum(1 for x, _, z in points if z + 0.5 > 0.3 and x > 0)
+    assert left + right < 56
     l_left, l_right = (at(MODEL, 0.2, z_j) for z_j in (0.1 * math.sqrt(1.25), 5 * math.sqrt(1.25)))
     expected = (left * l_left + right * l_right) / (left + right)
     assert area(view, np.array([[0.5, 0.5, 0.5]]))[0] == pytest.approx(expected, rel=1e-5)

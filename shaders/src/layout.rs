@@ -1,6 +1,7 @@
 //! What crosses between host and shaders: each struct is written here once, and its WGSL is made from it.
 
 use pyramap::block::BLOCK_EDGE;
+use pyramap::update::area::MORE;
 
 /// A type that shaders know under a name of theirs.
 trait Wgsl {
@@ -18,6 +19,7 @@ named! { u32 => "u32", i32 => "i32", f32 => "f32", [f32; 2] => "vec2<f32>", [f32
 
 impl Element for [f32; 4] {}
 impl Element for [u32; 4] {}
+impl<T: Element, const N: usize> Element for [T; N] {}
 
 impl<T: Element, const N: usize> Wgsl for [T; N] {
     fn name() -> String {
@@ -161,6 +163,8 @@ shared! {
         voxel_offsets: [[f32; 4]; 8],
         /// The points that the rule `area` reads, relative to a voxel's centre.
         samples: [[f32; 4]; 8],
+        /// Those that it reads where these do not settle the voxel.
+        more_samples: [[[f32; 4]; 8]; MORE],
         /// `t_i` of layer `i` at place `i + 1`; all 0 where layers keep the smallest range.
         t: [[f32; 4]; 4],
         /// The image halved `i` times at place `i`.

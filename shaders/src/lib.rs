@@ -15,7 +15,7 @@ use pyramap::sensors::{
     ATAN_COEFFICIENTS, BOUND_SLACK, DistortedPinhole, Orthographic, Pinhole, Projection, Spherical,
 };
 use pyramap::update::UpdateRule;
-use pyramap::update::area::Area;
+use pyramap::update::area::{self, Area};
 use pyramap::update::min_layer::MinLayer;
 use pyramap::update::pyramid::Pyramid;
 use std::f32::consts::{FRAC_PI_2, PI};
@@ -299,7 +299,7 @@ fn rule_constants(rule: UpdateRule) -> Option<String> {
     let (reach, blended) = match rule {
         UpdateRule::Pyramid => (Pyramid::REACH, 1),
         UpdateRule::MinLayer => (MinLayer::REACH, 0),
-        UpdateRule::Area => (Area::REACH, 0),
+        UpdateRule::Area => (Area::<Pinhole>::REACH, 0),
         UpdateRule::Ideal | UpdateRule::Rays => return None,
     };
     Some(format!("const REACH: f32 = {reach:?};\nconst BLENDED: u32 = {blended}u;\n"))
@@ -376,6 +376,7 @@ fn constants() -> String {
         ("PIXEL_SLACK", PIXEL_SLACK),
         ("STEPS", STEPS),
         ("BOUND_SLACK", BOUND_SLACK),
+        ("TOLERANCE", area::TOLERANCE),
         ("PI", PI),
         ("HALF_PI", FRAC_PI_2),
     ] {
@@ -392,6 +393,7 @@ fn constants() -> String {
         ("CULL_GROUP", CULL_GROUP as usize),
         ("ARGUMENTS_GROUP", ARGUMENTS_GROUP),
         ("PAIRS", layout::PAIRS),
+        ("MORE", area::MORE),
         ("SIGN", SIGN as usize),
         ("FROM_BASE", layout::FROM_BASE as usize),
         ("SAME_FOR_ALL", layout::SAME_FOR_ALL as usize),

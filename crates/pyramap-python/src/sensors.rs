@@ -46,8 +46,8 @@ impl AnySensor {
 /// in radians. An image of it holds ranges, distances along the beams. Wherever a `camera` is asked for with its
 /// `world_from_camera`, this sensor and its pose in the world will do. Sensors compare by value and can be pickled.
 ///
-/// The pyramid's layers (Eq. 11) are sized by sqrt(fx fy) with fx and fy the pixels per radian of columns and, on average,
-/// of rows. After a full turn the last column's neighbour is the first; there are then only such layers as halve the
+/// The pyramid's layers (Eq. 11) are sized by the pixels per radian of columns or, on average, of rows, whichever are
+/// fewer: so no texel is wider or higher than the voxels that it serves. After a full turn the last column's neighbour is the first; there are then only such layers as halve the
 /// columns without a rest: best are powers of two.
 ///
 /// Args:

@@ -70,7 +70,7 @@ macro_rules! with_rule {
         match $update {
             UpdateRule::Pyramid => (|$rule: &PyramidRule| $body)(&PyramidRule { t_0, count }),
             UpdateRule::MinLayer => (|$rule: &MinLayer| $body)(&MinLayer { t_0, count }),
-            UpdateRule::Area => (|$rule: &Area| $body)(&Area::new($view)),
+            UpdateRule::Area => (|$rule: &Area<P>| $body)(&Area::new($view)),
             UpdateRule::Ideal => (|$rule: &Ideal| $body)(&Ideal::new($view)),
             UpdateRule::Rays => unreachable!("a rule that asks no voxels"),
         }

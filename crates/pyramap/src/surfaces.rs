@@ -134,15 +134,6 @@ impl Bounds {
     }
 }
 
-/// The texel that holds a coordinate, which counts from the first texel's border; clamped to a layer, NaN to its start.
-#[inline(always)]
-pub fn texel(x: f32, last: f32) -> u32 {
-    let x = if x > 0.0 { x } else { 0.0 };
-    let x = if x < last { x } else { last };
-    // SAFETY: between 0 and `last`, which is a size in texels. Cut off, for a number that is not negative, is rounded down.
-    unsafe { x.to_int_unchecked() }
-}
-
 /// More columns than any layer has.
 const ANY_COLUMN: f32 = 1e6;
 

@@ -164,10 +164,12 @@ pub fn frame<P: Described>(
     place_blocks(&mut frame, view, low, blocks);
     match config.update {
         UpdateRule::MinLayer => place_cubes::<MinLayer, P>(&mut frame, view),
-        UpdateRule::Area => place_cubes::<Area, P>(&mut frame, view),
+        UpdateRule::Area => place_cubes::<Area<P>, P>(&mut frame, view),
         _ => place_cubes::<Pyramid, P>(&mut frame, view),
     }
-    frame.samples = all(&Area::new(view).samples);
+    let area = Area::new(view);
+    frame.samples = all(&area.few);
+    frame.more_samples = area.more.each_ref().map(all);
     (frame, low)
 }
 

@@ -126,9 +126,11 @@ impl SphericalSensor {
         self.azimuth_span().abs() / self.width() as f64
     }
 
-    /// Pixels per radian: the one focal length that sizes pyramid layers (Eq. 11), of columns and, on average, rows.
+    /// Pixels per radian: the one focal length that sizes pyramid layers (Eq. 11). It is that of the wider pixels, columns
+    /// or, on average, rows: where they differ much, as those of a spinning LiDAR do, a layer between the two would have
+    /// texels higher than the voxels that they serve.
     pub fn focal_length(&self) -> f64 {
-        1.0 / (self.column_width() * self.rows().mean_spacing()).sqrt()
+        1.0 / self.column_width().max(self.rows().mean_spacing())
     }
 
     /// Whether the last column's neighbour is the first.

@@ -113,6 +113,8 @@ pub struct Pixels {
     pub v: Lanes,
     /// What the sensor measures of a surface there, metres: the `z` of the paper.
     pub range: Lanes,
+    /// A bit for each that is in sight.
+    pub seen: u32,
 }
 
 /// The layer `i` with `t_(i+1) < z <= t_i`, out of `count`, for `q = t_0 / z` (Eq. 12 with the inequality turned round,
@@ -250,7 +252,8 @@ fn update_lanes<S: Simd, R: Rule<P>, P: Projection>(
     let inside = u.at_least(nothing) & v.at_least(nothing) & splat(width).greater(u) & splat(height).greater(v);
     let seen = in_front & max_range.at_least(range) & inside;
     // Lanes out of range must not reach for layers that are not made.
-    let pixels = Pixels { u: S::store(u), v: S::store(v), range: S::store(range.min(max_range)) };
+    let range = S::store(range.min(max_range));
+    let pixels = Pixels { u: S::store(u), v: S::store(v), range, seen: S::bits(seen) };
     let log_odds = S::load(&scope.rule.log_odds::<S>(frame, points, &pixels));
     let told = S::Eight::select(seen & log_odds.is_number(), log_odds, nothing);
     // SAFETY: rounded, and small.
