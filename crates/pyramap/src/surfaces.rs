@@ -134,6 +134,13 @@ impl Bounds {
     }
 }
 
+/// The texel that holds a coordinate, which counts from the first texel's border, along a side of a layer; clamped to it,
+/// NaN to the first.
+#[inline(always)]
+pub fn texel<R: Real>(coordinate: R, size: usize) -> R {
+    coordinate.max(R::splat(0.0)).min(R::splat((size - 1) as f32)).floor()
+}
+
 /// More columns than any layer has.
 const ANY_COLUMN: f32 = 1e6;
 

@@ -150,7 +150,8 @@ impl<P: Projection> Frame<'_, P> {
         for n in 0..8 {
             let Projected { u, v, range, in_front } = self.view.projection.project(points.lane(n));
             let seen = in_front & (u >= 0.0) & (v >= 0.0) & (u < width) & (v < height);
-            let pixel = texel(v, height - 1.0) as usize * self.ranges.width + texel(u, width - 1.0) as usize;
+            let pixel =
+                texel(v, self.ranges.height) as usize * self.ranges.width + texel(u, self.ranges.width) as usize;
             let measured = self.ranges.values[pixel];
             let [from, to] = self.near.part(measured);
             let near = seen & is_surface(measured) & (range >= from) & (range <= to);

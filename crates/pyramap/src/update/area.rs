@@ -9,6 +9,7 @@ use super::{Frame, Pixels, Rule};
 use crate::cull::{Eighths, LayersRead, Reads, bits_of};
 use crate::sensors::Projection;
 use crate::simd::{Places, Real, Simd};
+use crate::surfaces::texel;
 use crate::view::{Lanes, Points, View};
 use std::array::from_fn;
 
@@ -98,9 +99,9 @@ fn ask<S: Simd, P: Projection>(
     let [first, second] =
         [frame.view.projection.project_eight::<S>(&points[0]), frame.view.projection.project_eight::<S>(&points[1])];
     // Points of a voxel in sight may lie outside the image, and are read at its border, or behind the camera.
-    let rows = texels(S::join([first.v, second.v]), layer.height);
-    let columns = texels(S::join([first.u, second.u]), layer.width);
-    // SAFETY: `texels` clamps to the layer.
+    let rows = texel(S::join([first.v, second.v]), layer.height);
+    let columns = texel(S::join([first.u, second.u]), layer.width);
+    // SAFETY: `texel` clamps to the layer.
     let (surface, inv_sigma) = unsafe {
         let places = S::places(rows, columns, [layer.width as u32; 2]);
         let constant = layer.inv_sigma.len() == 1;
@@ -112,12 +113,6 @@ fn ask<S: Simd, P: Projection>(
     let ([log_odds, more_log_odds], [surface, more_surface]) = (S::split(log_odds), S::split(surface));
     told.with(log_odds, surface.is_number() & first.in_front)
         .with(more_log_odds, more_surface.is_number() & second.in_front)
-}
-
-/// The texels that hold coordinates along a side of the layer, clamped to it, NaN to the first.
-#[inline(always)]
-fn texels<R: Real>(coordinate: R, size: usize) -> R {
-    coordinate.max(R::splat(0.0)).min(R::splat((size - 1) as f32)).floor()
 }
 
 /// Reads a list.
