@@ -129,7 +129,7 @@ def told(view: View, sampling: Sampling, centres: Array) -> tuple[Array, Array]:
 
 def mean(values: Array, weight: Array) -> Array:
     total, weights = (weight * values).sum(axis=0), weight.sum(axis=0)
-    return np.divide(total, weights, out=np.zeros_like(total), where=weights > 0)
+    return np.asarray(np.divide(total, weights, out=np.zeros_like(total), where=weights > 0))
 
 
 def always(sampling: Sampling) -> Method:
@@ -201,12 +201,10 @@ def errors(view: View, count: int) -> dict[str, tuple[float, Array]]:
     """Texels read and |dp| to the ideal, by the names of the library's rules and of the methods."""
     centres, rules = mapped(view, count)
     ideal = probability(rules["ideal"])
-    found: dict[str, tuple[float, Array]] = {}
-    for name, method in METHODS.items():
-        texels, values = method(view, centres)
-        found[name] = texels, np.abs(probability(values) - ideal)
-    texels = {**TEXELS, "area": found[CHOSEN][0]}
-    return {f"update={rule!r}": (texels[rule], np.abs(probability(rules[rule]) - ideal)) for rule in texels} | found
+    found = {name: method(view, centres) for name, method in METHODS.items()}
+    reads = {**TEXELS, "area": found[CHOSEN][0]}
+    found = {f"update={rule!r}": (texels, rules[rule]) for rule, texels in reads.items()} | found
+    return {name: (texels, np.abs(probability(values) - ideal)) for name, (texels, values) in found.items()}
 
 
 def print_table(title: str, views: list[View], count: int) -> dict[str, float]:
@@ -215,7 +213,7 @@ def print_table(title: str, views: list[View], count: int) -> dict[str, float]:
     print(f"\n{title}; {len(views)} views\n{'':25} texels mean |dp|     p99  times smaller than pyramid's (by view)")
     pyramid = np.array([view["update='pyramid'"][1].mean() for view in per_view])
     for name in per_view[0]:
-        texels = np.mean([view[name][0] for view in per_view])
+        texels = float(np.mean([view[name][0] for view in per_view]))
         errors_of = [view[name][1] for view in per_view]
         means, p99 = np.array([error.mean() for error in errors_of]), np.quantile(np.concatenate(errors_of), 0.99)
         smaller, by_view = pyramid.mean() / means.mean(), pyramid / means
