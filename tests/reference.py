@@ -241,7 +241,7 @@ def mean_of_points(few: Array, more: Array) -> Array:
     everything = np.concatenate([few, np.where(spread <= AREA_TOLERANCE, np.nan, more)])
     count = (~np.isnan(everything)).sum(axis=0)
     total = np.nansum(everything, axis=0)
-    return np.divide(total, count, out=np.full(total.shape, np.nan), where=count > 0)
+    return np.asarray(np.divide(total, count, out=np.full(total.shape, np.nan), where=count > 0))
 
 
 Rule = Callable[[View, Array], Array]

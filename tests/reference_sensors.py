@@ -62,7 +62,7 @@ class Lidar:
         rows = len(self.elevations) + 1
         ends = abs(self.elevations[1] - self.elevations[0]) + abs(self.elevations[-1] - self.elevations[-2])
         spacing = (spacing * (len(self.elevations) - 1) + ends) / rows
-        return min(self.width / abs(self.azimuth_span), 1 / spacing)
+        return float(min(self.width / abs(self.azimuth_span), 1 / spacing))
 
     def shape(self) -> tuple[int, int]:
         return len(self.elevations), self.width
