@@ -4,6 +4,7 @@
 //! which distance something is not hidden yet (`far`), and whether a texel is a hole. They are what the cull asks.
 
 mod quads;
+mod texels;
 
 use crate::pyramid::{Layer, num_layers};
 use crate::sensor::{SensorModel, SensorTable};
@@ -240,25 +241,6 @@ impl SurfaceLayer {
         } else {
             inv_sigmas.clear();
         }
-    }
-
-    fn bound_texels(&mut self, cutoff: f32, finest: usize) {
-        let Self { width, height, surface, inv_sigma, cells, .. } = self;
-        let (edge, width, height) = (1 << finest, *width, *height);
-        cells.fit(width.div_ceil(edge), height.div_ceil(edge));
-        let constant = if inv_sigma.len() == 1 { Some(cutoff / inv_sigma[0]) } else { None };
-        let reach = |texel: usize| constant.unwrap_or_else(|| cutoff / inv_sigma[texel]);
-        cells.bounds.par_chunks_mut(cells.width).with_min_len(32).enumerate().for_each(|(b, cells)| {
-            cells.fill(Bounds::NONE);
-            for row in b * edge..((b + 1) * edge).min(height) {
-                for (a, cell) in cells.iter_mut().enumerate() {
-                    for column in a * edge..((a + 1) * edge).min(width) {
-                        let texel = row * width + column;
-                        *cell = cell.union(Bounds::of_texel(surface[texel], reach(texel)));
-                    }
-                }
-            }
-        });
     }
 
     /// The cells that are read for voxels which are projected into rectangles of the image, of which this layer's texels are
