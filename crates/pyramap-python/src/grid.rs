@@ -1,10 +1,11 @@
 //! `OccupancyGrid`.
 
-use crate::arrays::{self, ImageArray};
+use crate::arrays;
 use crate::camera::PinholeCamera;
-use crate::colour::{ColourArguments, ColourArray};
+use crate::colour::ColourArguments;
 use crate::devices::Choice;
 use crate::errors::to_py;
+use crate::frame::FrameArguments;
 use crate::mesh::Mesh;
 use crate::sensor::SensorModel;
 use crate::sensors::AnySensor;
@@ -65,14 +66,14 @@ pub struct OccupancyGrid(SharedGrid, AtomicU64);
 pub type SharedGrid = Arc<RwLock<pyramap::OccupancyGrid>>;
 
 /// The words for an update rule, and for readings beyond the range.
-const UPDATES: [(&str, UpdateRule); 5] = [
+pub const UPDATES: [(&str, UpdateRule); 5] = [
     ("pyramid", UpdateRule::Pyramid),
     ("area", UpdateRule::Area),
     ("min_layer", UpdateRule::MinLayer),
     ("ideal", UpdateRule::Ideal),
     ("rays", UpdateRule::Rays),
 ];
-const BEYOND: [(&str, BeyondMaxRange); 2] = [("free", BeyondMaxRange::Free), ("ignore", BeyondMaxRange::Ignore)];
+pub const BEYOND: [(&str, BeyondMaxRange); 2] = [("free", BeyondMaxRange::Free), ("ignore", BeyondMaxRange::Ignore)];
 
 pub fn parse<T: Copy>(name: &str, got: &str, words: &[(&str, T)]) -> PyResult<T> {
     words.iter().find(|(word, _)| *word == got).map(|&(_, value)| value).ok_or_else(|| {
@@ -142,7 +143,11 @@ impl OccupancyGrid {
     }
 
     /// A property that frames change, read without holding the GIL while another thread integrates.
-    fn property<T: Send>(&self, py: Python<'_>, get: impl FnOnce(&pyramap::OccupancyGrid) -> T + Send) -> PyResult<T> {
+    pub fn property<T: Send>(
+        &self,
+        py: Python<'_>,
+        get: impl FnOnce(&pyramap::OccupancyGrid) -> T + Send,
+    ) -> PyResult<T> {
         py.detach(|| self.read().map(|grid| get(&grid))).map_err(to_py)
     }
 
@@ -164,46 +169,6 @@ impl OccupancyGrid {
         let missing = || PyValueError::new_err("world_from_camera is missing, expected a (4, 4) rigid transform");
         let pose = arrays::pose(world_from_camera.ok_or_else(missing)?)?;
         self.change(py, |grid| fuse(grid, &image, &frame.sensor, &pose))
-    }
-}
-
-/// What Python says of a frame, but for its pose.
-pub struct FrameArguments<'a, 'py> {
-    pub depth: Option<&'a Bound<'py, PyAny>>,
-    pub camera: Option<AnySensor>,
-    pub depth_scale: Option<f64>,
-    pub ranges: Option<&'a Bound<'py, PyAny>>,
-    pub sensor_model: Option<SensorModel>,
-    pub colour: ColourArguments<'a, 'py>,
-}
-
-/// A frame held for the length of a call.
-pub struct CheckedFrame<'py> {
-    array: ImageArray<'py>,
-    model: Option<SensorModel>,
-    colour: Option<ColourArray<'py>>,
-    pub sensor: Sensor,
-}
-
-impl<'py> FrameArguments<'_, 'py> {
-    /// Whether all is there, and of the right type.
-    pub fn check(self) -> PyResult<CheckedFrame<'py>> {
-        let array = ImageArray::depth_or_ranges(self.depth, self.ranges, self.depth_scale)?;
-        let sensor = AnySensor::required(self.camera)?;
-        let colour = self.colour.check(&sensor)?;
-        Ok(CheckedFrame { array, model: self.sensor_model, colour, sensor })
-    }
-}
-
-impl CheckedFrame<'_> {
-    /// The image, with its own sensor model and its colour if it has them.
-    pub fn image(&self) -> PyResult<pyramap::DepthImage<'_>> {
-        let image = self.array.image()?;
-        let image = self.model.map_or(image, |model| image.with_sensor_model(model.0));
-        match &self.colour {
-            None => Ok(image),
-            Some(colour) => Ok(image.with_colour(colour.image()?)),
-        }
     }
 }
 
@@ -466,103 +431,6 @@ impl OccupancyGrid {
     ///     DeviceError: If the device fails.
     fn synchronize(&self, py: Python<'_>) -> PyResult<()> {
         self.property(py, |_| ())
-    }
-
-    /// Lowest and highest corner of the box around all blocks, (2, 3) float64, metres; None for an empty map.
-    #[getter]
-    fn bounds<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray2<f64>>>> {
-        let bounds = self.property(py, |grid| grid.bounds())?;
-        Ok(bounds.map(|corners| PyArray2::from_vec2(py, &corners.map(Vec::from)).expect("two rows of three")))
-    }
-
-    /// Number of blocks of 8 x 8 x 8 voxels that hold something.
-    #[getter]
-    fn num_blocks(&self, py: Python<'_>) -> PyResult<usize> {
-        self.property(py, |grid| grid.num_blocks())
-    }
-
-    /// Number of voxels that are not unknown.
-    #[getter]
-    fn num_observed(&self, py: Python<'_>) -> PyResult<usize> {
-        self.ask(py, |grid| grid.num_observed())
-    }
-
-    /// Number of frames fused less those removed, with those of merged maps.
-    #[getter]
-    fn num_frames(&self, py: Python<'_>) -> PyResult<i64> {
-        self.property(py, |grid| grid.num_frames())
-    }
-
-    /// How many additions to voxels were too large to be stored whole, beyond log-odds of 524288.
-    #[getter]
-    fn saturated(&self, py: Python<'_>) -> PyResult<u64> {
-        self.property(py, |grid| grid.saturated())
-    }
-
-    /// Bytes that the map takes: its blocks, their directory, and colours. A block of one value throughout costs only its entry.
-    #[getter]
-    fn nbytes(&self, py: Python<'_>) -> PyResult<usize> {
-        self.property(py, |grid| grid.nbytes())
-    }
-
-    /// What the map runs on: "cpu" or "gpu".
-    #[getter]
-    fn backend(&self, py: Python<'_>) -> String {
-        self.parameter(py, |grid| grid.backend().to_owned())
-    }
-
-    /// The name of the GPU that the map runs on; None on the CPU.
-    #[getter]
-    fn adapter(&self, py: Python<'_>) -> Option<String> {
-        self.parameter(py, |grid| grid.adapter().map(str::to_owned))
-    }
-
-    /// Edge of a voxel, metres.
-    #[getter]
-    fn voxel_size(&self, py: Python<'_>) -> f64 {
-        self.parameter(py, |grid| grid.config().voxel_size)
-    }
-
-    /// What a reading says.
-    #[getter]
-    fn sensor_model(&self, py: Python<'_>) -> SensorModel {
-        SensorModel(self.parameter(py, |grid| grid.config().sensor_model))
-    }
-
-    /// Distance from the camera up to which voxels are updated, metres.
-    #[getter]
-    fn max_range(&self, py: Python<'_>) -> f64 {
-        self.parameter(py, |grid| grid.config().max_range)
-    }
-
-    /// The update rule: "pyramid", "area", "min_layer", "ideal" or "rays".
-    #[getter]
-    fn update(&self, py: Python<'_>) -> &'static str {
-        self.parameter(py, |grid| word(grid.config().update, &UPDATES))
-    }
-
-    /// Bounds of the log-odds, or None.
-    #[getter]
-    fn clamp(&self, py: Python<'_>) -> Option<(f64, f64)> {
-        self.parameter(py, |grid| grid.config().clamp)
-    }
-
-    /// The most that `nbytes` may come to, or None.
-    #[getter]
-    fn max_bytes(&self, py: Python<'_>) -> Option<usize> {
-        self.parameter(py, |grid| grid.config().max_bytes)
-    }
-
-    /// Probability of being occupied before anything is seen.
-    #[getter]
-    fn prior(&self, py: Python<'_>) -> f64 {
-        self.parameter(py, |grid| grid.config().prior)
-    }
-
-    /// What a reading farther than `max_range` says: "free" or "ignore".
-    #[getter]
-    fn beyond_max_range(&self, py: Python<'_>) -> &'static str {
-        self.parameter(py, |grid| word(grid.config().beyond_max_range, &BEYOND))
     }
 
     fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
